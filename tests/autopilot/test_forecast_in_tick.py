@@ -14,7 +14,7 @@ from tgl_soar.autopilot import initial_state, step
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.site import Start
 from tgl_soar.control import forecast as f
-from tgl_soar.control.conditions import forecast_conditions
+from tgl_soar.control.conditions import forecast_conditions, search_conditions
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import (
@@ -109,6 +109,24 @@ def test_when_it_disengages(
     nowhere = f.NO_FORECAST._replace(standing=f.TOO_LOW, ahead_s=ahead_s, chance=chance)
     settles = forecast_conditions(laws, mode, nowhere) == SETTLES
     assert settles is not disengages
+
+
+@pytest.mark.parametrize("mode", [CAPTURING, SOARING])
+@pytest.mark.parametrize("ahead_s", [0.9, 3.0])
+def test_where_no_search_can_begin_4_acts_as_2(mode: int, ahead_s: float) -> None:
+    airframe, path = load_airframe(AIRFRAME_PATH), shipped("sites/tunnel.toml")
+    values = load_parameters(airframe, AIRFRAME_PATH, load_site(path), path)
+    nowhere = f.NO_FORECAST._replace(standing=f.TOO_LOW, ahead_s=ahead_s, chance=0.02)
+
+    def found(**changes: float) -> tuple[int, int]:
+        laws = laws_from(values.changed(changes), SoaringFrame(0.0, 0.0, 0.0, 0.0))
+        return forecast_conditions(laws, mode, nowhere), search_conditions(laws, False)
+
+    as_2 = found(FC_ACT=2.0)
+    assert found(FC_ACT=4.0, SRCH_START=4.0) == as_2
+    if mode == CAPTURING and ahead_s > 1.0:
+        assert as_2[0] == 0
+        assert found(FC_ACT=4.0)[0] == SETTLES  # a search is to begin
 
 
 @pytest.mark.parametrize("start_m", [-0.6, 0.6])

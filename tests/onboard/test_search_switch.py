@@ -485,7 +485,7 @@ def test_a_search_ends_where_a_guard_is_taken_away(name: str, number: float, why
     assert f"search ended: {why}" in "".join(texts(flight.said()))
 
 
-@pytest.mark.parametrize("number", [2.0, 3.0])
+@pytest.mark.parametrize("number", [2.0, 3.0, 4.0])
 def test_what_only_the_module_shows_is_not_set(number: float) -> None:
     flight, _ = searching()
     flight.said()
@@ -512,7 +512,55 @@ def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
     flight.set("TGL_X", 0.1)
     flight.run(0.1)
     onboard._switches.tick(lost)
-    assert value(flight, "SRCH_START") == 0.0  # whoever took it back keeps it
+    assert value(flight, "SRCH_START") == 4.0  # whoever took it back keeps it
+    flight.run(0.1)
+    assert "FC_ACT 4 acts as 2: its search is over" in texts(flight.said())
+    assert flight.mode_now in (CAPTURING, SOARS)
+
+
+@pytest.mark.parametrize(
+    ("changes", "search", "why"),
+    [
+        ({"FENCE_Z_MAX": 5000.0}, ReportedSearch(), "the fence is open: set FENCE_Z_MAX"),
+        ({"CLEAR_MIN": 0.0}, ReportedSearch(), "CLEAR_MIN is 0"),
+        ({}, None, "there is no search in this process"),
+    ],
+)
+def test_where_no_search_can_begin_fc_act_4_is_told_to_act_as_2(
+    changes: dict[str, float], search: ReportedSearch | None, why: str
+) -> None:
+    flight = Flight(flown=equipped(**changes), search=search)
+    flight.run(1.0)
+    flight.said()
+    told = f"FC_ACT 4 acts as 2: {why}"
+    flight.set("FC_ACT", 4.0)
+    flight.run(0.1)
+    assert told in "".join(texts(flight.said()))
+    flight.engaged().run(0.1)
+    assert told in "".join(texts(flight.said()))
+    assert value(flight, "SRCH_START") == 4.0
+    flight.run(1.0)
+    assert flight.mode_now == SOARS  # and it is no search
+    flight.set("FC_ACT", 2.0)
+    flight.run(0.1)
+    assert value(flight, "SRCH_START") == 0.0
+    flight.set("FC_ACT", 4.0)
+    flight.run(0.1)
+    assert value(flight, "SRCH_START") == 4.0
+    flight.set("OP_ENGAGE", 0.0)
+    flight.run(0.1)
+    assert value(flight, "SRCH_START") == 0.0
+
+
+def test_a_process_that_dies_leaves_fc_act_4_with_the_guard_of_2() -> None:
+    search = ReportedSearch()
+    flight = Flight(flown=equipped(FC_ACT=4.0), search=search)
+    flight.engaged().run(0.5)
+    assert value(flight, "SRCH_START") == 0.0
+    search.failure = "its process has died"
+    flight.run(0.1)
+    assert value(flight, "SRCH_START") == 4.0
+    assert "FC_ACT 4 acts as 2: its process has died" in texts(flight.said())
 
 
 # --- beside the tick --------------------------------------------------------------------------

@@ -650,8 +650,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="FC_ACT", unit="", minimum=0, maximum=4, default=2,
         meaning="Where no place to settle is foreseen on the line: 2: disengage, while soaring only"
                 " in the last second; 3: disengage at once; 4: search for a place elsewhere"
-                " (SRCH_START), and disengage where there is none; 1: only report it; 0: no"
-                " forecast. It needs [model] in the airframe file.",
+                " (SRCH_START), and disengage where there is none, or as 2 where no search can"
+                " begin; 1: only report it; 0: no forecast. It needs [model] in the airframe file.",
         integer=True,
     ),
     Parameter(
@@ -726,11 +726,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     # --- the search for lift ---------------------------------------------------------------
     Parameter(
-        name="SRCH_START", unit="", minimum=0, maximum=3, default=0,
+        name="SRCH_START", unit="", minimum=0, maximum=4, default=0,
         meaning="1: search for a place to soar: while engaged the module moves the line itself, in"
                 " mode searching, and soars where it finds one; 0: the line stays where it is. The"
                 " module shows 2 while it says that it soars, and 3 where it has given up, which"
-                " disengages; then 0. Setting any TGL_ parameter ends a search. It needs a fence on"
+                " disengages; then 0; and 4 in place of 0 where FC_ACT is 4 and no search can"
+                " begin by itself. Setting any TGL_ parameter ends a search. It needs a fence on"
                 " every side, CLEAR_MIN, [polar] and [model] in the airframe file.",
         integer=True, in_files=False,
     ),

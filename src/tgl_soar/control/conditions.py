@@ -32,7 +32,14 @@ from tgl_soar.control.forecast import (
     is_the_last_moment,
     nowhere,
 )
-from tgl_soar.control.laws import SEARCH_GIVEN_UP, SEARCH_OFF, SEARCH_SOARS, Laws, SupervisorLimits
+from tgl_soar.control.laws import (
+    SEARCH_GIVEN_UP,
+    SEARCH_NONE,
+    SEARCH_OFF,
+    SEARCH_SOARS,
+    Laws,
+    SupervisorLimits,
+)
 from tgl_soar.control.soaring import SoaringState
 from tgl_soar.control.supervisor import (
     AIR_SAFE,
@@ -246,11 +253,13 @@ def forecast_conditions(laws: Laws, mode: int, forecast: Forecast) -> int:
     """Whether a place to settle is foreseen; what is only to be reported ends nothing.
 
     A search knows where else there may be lift: as long as its line can be slid there in the time
-    that is left it goes on, until it gives up itself.
+    that is left it goes on, until it gives up itself.  Where none can begin nobody looks elsewhere.
     """
     if mode == SEARCHING and laws.search == SEARCH_GIVEN_UP:
         return 0
     act = laws.forecast.act
+    if act == SEARCH_FIRST and laws.search == SEARCH_NONE:
+        act = DISENGAGE
     if act < DISENGAGE or not nowhere(forecast):
         return SETTLES
     at_once = act == DISENGAGE_EARLY or (mode == CAPTURING and act != SEARCH_FIRST)
@@ -261,7 +270,7 @@ def forecast_conditions(laws: Laws, mode: int, forecast: Forecast) -> int:
 def search_conditions(laws: Laws, moving: bool) -> int:
     """What holds of the search for lift; moving: the line is on its way."""
     found = 0
-    if laws.search != SEARCH_OFF:
+    if laws.search != SEARCH_OFF and laws.search != SEARCH_NONE:
         found |= SEARCH
     if laws.search == SEARCH_SOARS and not moving:
         found |= PLACE_FOUND

@@ -49,6 +49,7 @@ SEARCH_OFF: Final = 0
 SEARCH_LOOKS: Final = 1
 SEARCH_SOARS: Final = 2  # it says so
 SEARCH_GIVEN_UP: Final = 3
+SEARCH_NONE: Final = 4  # as 0, and FC_ACT 4 can begin none
 
 # Of the sideways speed's error: ten times as fast as that loop is, so that it costs 6 degrees.
 SIDEWAYS_FILTER_RADPS: Final = 20.0

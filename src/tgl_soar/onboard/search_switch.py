@@ -10,7 +10,8 @@ ends the search.
 Every answer says which glimpse it is of, and of which search: what an ended search or flight had
 asked for is not obeyed, and late is who answers glimpses of LATE_S ago.
 
-Where FC_ACT is 4 the module starts a search by itself when no place to settle is foreseen.
+Where FC_ACT is 4 the module starts a search by itself when no place to settle is foreseen.  Where
+it cannot, SRCH_START is SEARCH_NONE, so that the laws and a log know it, and that is reported.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from tgl_soar.control.forecast import SEARCH_FIRST, nowhere
 from tgl_soar.control.laws import (
     SEARCH_GIVEN_UP,
     SEARCH_LOOKS,
+    SEARCH_NONE,
     SEARCH_OFF,
     SEARCH_SOARS,
     Laws,
@@ -49,6 +51,7 @@ from tgl_soar.types import NAN, VehicleState
 
 # A plan is due once a second and takes a few hundredths: three of them missed is no search.
 LATE_S: Final = 3.0
+ACTS_AS_2: Final = "FC_ACT 4 acts as 2"
 UNASKED: Final = (HOLDING, RECOVERING)  # without a place, or thrown about
 
 
@@ -132,11 +135,12 @@ class SearchSwitch:
             self._landed()
             return
         self._was_active = True
-        engine = self._engine
-        if engine is None:
-            return
         if self._goes_home:
             self._end_on_way_home()
+            return
+        self._show_whether_one_can_begin()
+        engine = self._engine
+        if engine is None:
             return
         if output.mode == LAUNCHING:  # a hand carries what the air does not: nothing is asked yet
             self._before, self._answered_s = None, NAN
@@ -177,15 +181,29 @@ class SearchSwitch:
             self._renew(seeks=False)
         self._before = None
 
+    def act_was_set(self) -> None:
+        """An operator has set FC_ACT; in control the next tick sees it."""
+        acts = self._settings.values["FC_ACT"] == SEARCH_FIRST
+        if acts and not self._was_active and (why := self._lacks()):
+            self._outbox.tell(SEVERITY_WARNING, f"{ACTS_AS_2}: {why}")
+
+    def _show_whether_one_can_begin(self) -> None:
+        """By itself, where FC_ACT is 4: once in a flight, so that nobody's line is taken away again
+        who took it back."""
+        standing, why = self._standing, ""
+        if standing not in (SEARCH_OFF, SEARCH_NONE):
+            return
+        if self._settings.values["FC_ACT"] == SEARCH_FIRST:
+            why = "its search is over" if self._has_begun else self._lacks()
+        shown = SEARCH_NONE if why else SEARCH_OFF
+        if shown != standing:
+            self._settings.assign("SRCH_START", shown)
+            if why:
+                self._outbox.tell(SEVERITY_WARNING, f"{ACTS_AS_2}: {why}")
+
     def _start_by_forecast(self, output: Output) -> None:
-        """FC_ACT 4: a line that holds no place is left for one that does; once in a flight, so
-        that nobody's line is taken away again who took it back."""
-        if (
-            not self._has_begun
-            and self._settings.values["FC_ACT"] == SEARCH_FIRST
-            and nowhere(output.forecast)
-            and not self._lacks()
-        ):
+        """FC_ACT 4: a line that holds no place is left for one that does."""
+        if self._settings.values["FC_ACT"] == SEARCH_FIRST and nowhere(output.forecast):
             self._has_begun = True
             self._settings.assign("SRCH_START", SEARCH_LOOKS)
             self._outbox.tell(SEVERITY_WARNING, "no place to settle is foreseen: searching")

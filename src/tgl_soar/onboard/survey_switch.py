@@ -12,7 +12,7 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.control.forecast import OFF
-from tgl_soar.control.laws import SEARCH_OFF
+from tgl_soar.control.laws import SEARCH_NONE, SEARCH_OFF
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.control.survey import (
     BEGINS,
@@ -41,6 +41,7 @@ from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup, bounds_of
 
+NO_SEARCH: Final = (SEARCH_OFF, SEARCH_NONE)
 PROGRESS_S: Final = 15.0  # between two words of where it is
 WAYS: Final = {DOWNSTREAM: "downstream", UPSTREAM: "upstream", HOMEWARD: "home"}
 
@@ -87,7 +88,7 @@ class SurveySwitch:
             return "set 1 to survey, 0 to end it: the others are what the module shows"
         if self._state is not None:
             return "a survey is under way"
-        if values["SRCH_START"] != SEARCH_OFF:
+        if values["SRCH_START"] not in NO_SEARCH:
             return "a search has the line: set SRCH_START to 0 first"
         if values["TGL_HOLD"] != 0.0:
             return "a point of the line is held, not the contour: set TGL_HOLD to 0 first"
@@ -112,7 +113,7 @@ class SurveySwitch:
         wanted = self._settings.values["SRV_START"] != IDLE
         if not (wanted or self._state is not None):
             return
-        if not output.active or self._settings.values["SRCH_START"] != SEARCH_OFF:
+        if not output.active or self._settings.values["SRCH_START"] not in NO_SEARCH:
             over = "a search has begun" if output.active else SURVEY_TEXTS[NOT_HELD]
             self._end(SEVERITY_WARNING, f"survey ended: {over}")
         elif not wanted:

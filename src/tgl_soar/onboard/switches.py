@@ -58,6 +58,8 @@ class Switches:
 
     def was_set(self, name: str) -> None:
         """An operator has set a parameter."""
+        if name == "FC_ACT":
+            self._search.act_was_set()
         if name.startswith("TGL_"):
             self._search.taken_back()
             self._survey.taken_back(name)

@@ -26,6 +26,7 @@ WORDS_S = 0.5  # the reason of a release may come after it
 READY_S = 60.0  # a crashed aircraft lies for 3 s and is carried back to the start
 READY, SOARING = 2.0, 4.0  # of soar_mode
 FOUND = 2.0  # of SRCH_START
+OVER = (0.0, 4.0)  # the same
 LINE = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
 # Why a flight by the clock ends where a process was not let run for some tenths of a second.
 HICCUPS = ("attitude lost", "position lost", "autopilot silent")
@@ -295,7 +296,7 @@ class Operator:
     def _moved_by_hand(self, flown: FlownLeg) -> bool:
         """Whether the line's parameters are no longer those that this leg set."""
         if flown.leg.searches:
-            flown.by_hand = self.seen.parameters.get("SRCH_START") == 0.0
+            flown.by_hand = self.seen.parameters.get("SRCH_START") in OVER
             return flown.by_hand
         flown.by_hand = flown.by_hand or any(
             self.seen.parameters.get(name) != as_wire_value(value)
