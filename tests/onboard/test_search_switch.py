@@ -9,7 +9,9 @@ import socket
 import threading
 import time
 from math import degrees, nan, pi, radians, tan
+from typing import Any
 
+import numpy as np
 import pytest
 from test_onboard import Flight, setup, texts
 
@@ -28,6 +30,8 @@ from tgl_soar.control.search.glimpse import (
     SearchTask,
     task_of,
 )
+from tgl_soar.control.search.lift_search import Seeker
+from tgl_soar.control.search.rollout import Fields, Grid, Rollouts
 from tgl_soar.control.supervisor import (
     BREAKING_OFF,
     CAPTURING,
@@ -171,7 +175,9 @@ def test_it_never_soars_while_the_search_does_not_say_so() -> None:
 
 def test_what_the_search_is_reported() -> None:
     flight, search = searching()
-    assert search.tasks == [task_of(flight.onboard.settings.laws)]
+    task = task_of(flight.onboard.settings.laws)
+    leans = {"eta_min_rad": 0.5 * pi + radians(5.0), "eta_max_rad": 0.5 * pi + radians(45.0)}
+    assert search.tasks == [task._replace(**leans)]
     before = len(search.glimpses)
     flight.run(4.0)
     reported = [g for g in search.glimpses[before:] if g is not None]
@@ -186,6 +192,9 @@ def test_what_the_search_is_reported() -> None:
     last = search.glimpses[-1]
     assert last is not None
     assert not last.seeks
+    flight.set("TGL_LEAN_MAX", 20.0)
+    flight.run(0.5)
+    assert search.tasks[-1].eta_max_rad == pytest.approx(0.5 * pi + radians(20.0))
 
 
 def test_it_does_not_learn_the_air_from_a_hand() -> None:
@@ -366,7 +375,7 @@ def test_what_found_no_room_is_sent_again() -> None:
     assert not search.glimpses
     search.has_room = True
     flight.run(0.5)
-    assert search.tasks == [task_of(flight.onboard.settings.laws)]
+    assert len(search.tasks) == 1
     assert search.glimpses
     search.wishes(7.0)
     flight.run(LOOK_S)
@@ -677,6 +686,45 @@ def test_another_search_begins_from_the_start() -> None:
     answer = here.receive()
     assert answer is not None
     assert (answer.status, answer.search) == (LOOKING, 3)
+
+
+def soars_steep_or_aside(_: Grid, fields: Fields, *rest: Any) -> Rollouts:
+    """In place of the map's: lines of 25 degrees soar best, one beside the aircraft, too."""
+    now, lines = rest[2], rest[3]
+    steep = abs(lines.eta_rad - radians(115.0)) < 1e-6
+    aside = (abs(lines.eta_rad - ETA) < 1e-6) & (abs(lines.x_m - now.x_m - 0.24 * 2.7) < 0.01)
+    rows = (len(fields.sink_scale), 1)
+    return Rollouts(
+        failed_s=np.tile(np.where(steep | aside, np.inf, 6.0), rows),
+        climb_mps=np.tile(np.where(steep | aside, 0.0, -1.0), rows),
+        x_m=np.tile(np.full(len(steep), now.x_m), rows),
+        z_m=np.tile(np.full(len(steep), 1.5), rows),
+        margin_m=np.tile(np.where(steep, 3.0, 0.3), rows),
+        speed_margin_mps=np.tile(np.full(len(steep), 1.5), rows),
+    )
+
+
+@pytest.mark.parametrize("lean_max_deg", [45.0, 20.0])
+def test_a_line_that_is_refused_is_not_asked_for_again(lean_max_deg: float) -> None:
+    """Refused by the loop's margin, which the search does not know; or the parameters do not allow
+    it, and it is not asked for at all."""
+    seeker = Seeker()
+    seeker.begin(tunnel_task()._replace(eta_max_rad=0.5 * pi + radians(lean_max_deg)))
+    first = glimpse_at(10.0, 0.6, 1.5, -0.3)
+    seeker.take(first._replace(seeks=False))
+    assert seeker.search is not None
+    seeker.search.roll = soars_steep_or_aside
+    asked: list[TargetLine] = []
+    for k in range(1, 6):
+        glimpse = glimpse_at(10.0 + LOOK_S * k, 0.6, 1.5 - 0.06 * k, -0.3)
+        answer = seeker.take(glimpse._replace(line=first.line, refused=bool(asked)))
+        assert answer is not None
+        if answer.target.eta_rad != ETA:
+            asked.append(answer.target)
+        elif answer.target.x_m != first.line.x_m:
+            break
+    assert answer.target.x_m == pytest.approx(0.6 + 0.24 * 2.7, abs=0.02)
+    assert len(asked) == (1 if lean_max_deg > 25.0 else 0)
 
 
 def test_a_process_that_hangs_keeps_nobody_waiting() -> None:

@@ -16,7 +16,7 @@ it cannot, SRCH_START is SEARCH_NONE, so that the laws and a log know it, and th
 
 from __future__ import annotations
 
-from math import cos, isfinite, sin
+from math import cos, isfinite, radians, sin
 from typing import Final, Protocol
 
 from tgl_soar.autopilot import Output
@@ -40,7 +40,7 @@ from tgl_soar.control.search.glimpse import (
     task_of,
 )
 from tgl_soar.control.supervisor import HOLDING, LAUNCHING, RECOVERING, goes_home
-from tgl_soar.control.target_line import TargetLine, e_rho
+from tgl_soar.control.target_line import TargetLine, e_rho, eta_from_lean
 from tgl_soar.control.throttle import can_hold
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.line_moves import is_moved, open_fence
@@ -88,6 +88,7 @@ class SearchSwitch:
         self._engine = engine
         self._bounds = bounds_of(setup, ())
         self._laws: Laws | None = None  # that the engine knows
+        self._task: SearchTask | None = None  # of these
         self._owes_end = False  # it does not know yet that the last flight is over
         self._before: VehicleState | None = None  # at the last glimpse
         self._wind = self._updraft = self._pushed = 0.0  # sums since then
@@ -164,7 +165,7 @@ class SearchSwitch:
             self._tell_end()
             return
         self._was_active = False
-        self._before, self._laws = None, None
+        self._before, self._laws, self._task = None, None, None
         self._has_begun, self._owes_end = False, True
         self._renew(seeks=False)
         self._tell_end()
@@ -257,11 +258,18 @@ class SearchSwitch:
             return False
         laws = self._settings.laws
         if laws is not self._laws:
-            is_known = self._laws is not None and task_of(laws) == task_of(self._laws)
-            if not is_known and not engine.begin(task_of(laws)):
+            task = self._task_of(laws)
+            if task != self._task and not engine.begin(task):
                 return False
-            self._laws = laws
+            self._laws, self._task = laws, task
         return True
+
+    def _task_of(self, laws: Laws) -> SearchTask:
+        values = self._settings.values
+        return task_of(laws)._replace(
+            eta_min_rad=eta_from_lean(radians(values["TGL_LEAN_MIN"])),
+            eta_max_rad=eta_from_lean(radians(values["TGL_LEAN_MAX"])),
+        )
 
     def _renew(self, *, seeks: bool) -> None:
         """A search begins or is over: answers to what was asked before are not this one's."""

@@ -11,12 +11,14 @@ from test_rollout import BOX, ETA, GRID, GUARDS, LEVEL, POLAR, at_rest
 from tgl_soar.control.search.plan import (
     DISTANCES,
     FACTORS,
+    Leeway,
+    allowed,
     candidates,
     likely_fields,
     plan_in,
     worths,
 )
-from tgl_soar.control.search.rollout import Fields, Rollouts
+from tgl_soar.control.search.rollout import Fields, Lines, Rollouts
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.types import polar_sink
 
@@ -83,6 +85,49 @@ def test_candidates_are_stay_stop_and_both_sides() -> None:
     moving = at_rest()._replace(line=at_rest().line._replace(speed_mps=0.5))
     stop = candidates(moving, HERE, BOX.height_m, 0.5).x_m[1]
     assert stop == pytest.approx(-0.25 * np.sin(ETA))  # v²/2a, upstream
+
+
+def leans_of(lines: Lines) -> set[int]:
+    return {round(float(np.degrees(eta)) - 90.0) for eta in lines.eta_rad}
+
+
+def test_leans_beyond_what_a_line_may_have_are_no_candidates() -> None:
+    lines = candidates(at_rest(), HERE, BOX.height_m, 0.5)
+    between = Leeway(eta_min_rad=radians(104.0), eta_max_rad=radians(110.0))
+    assert leans_of(allowed(lines, at_rest(), BOX.height_m, between)) == {15}
+    end = Leeway(eta_min_rad=radians(100.0), eta_max_rad=radians(115.0))
+    assert allowed(lines, at_rest(), BOX.height_m, end) is lines  # the ends are allowed
+    assert allowed(lines, at_rest(), BOX.height_m, Leeway()) is lines
+    none = allowed(lines, at_rest(), BOX.height_m, Leeway(eta_max_rad=radians(95.0)))
+    assert tuple(column.tolist() for column in none) == tuple([v] for v in HERE)
+
+
+def test_what_was_refused_is_no_candidate() -> None:
+    """At another lean the lean, at the line's own that place."""
+    lines = candidates(at_rest(), HERE, BOX.height_m, 0.5)
+    steep = Leeway(refused=(TargetLine(0.0, 10.0, radians(115.0)),))
+    kept = allowed(lines, at_rest(), BOX.height_m, steep)
+    assert leans_of(kept) == {10, 15}
+    assert len(kept.x_m) == len(lines.x_m) - 7
+    own = Leeway(refused=(TargetLine(0.24 * BOX.height_m, 10.0, ETA),))
+    kept = allowed(lines, at_rest(), BOX.height_m, own)
+    assert leans_of(kept) == {10, 15, 25}
+    assert len(kept.x_m) == len(lines.x_m) - 1
+    assert tuple(column[0] for column in kept) == HERE
+
+
+def test_what_is_no_candidate_gives_no_chance_either() -> None:
+    """Lift at one place alone, which is refused: nowhere soars, and the search can give up."""
+    air = lift_at(-4.0, 2.2)
+    free = plan_in(GRID, air, POLAR, GUARDS, at_rest(), HERE, 0.01)
+    assert free.most_chance == 1.0
+    refused = [TargetLine(x, 10.0, ETA) for x in np.arange(-20.0, 20.1, 0.5).tolist()]
+    refused += [TargetLine(0.0, 10.0, radians(90.0 + lean)) for lean in (10.0, 25.0)]
+    plan = plan_in(
+        GRID, air, POLAR, GUARDS, at_rest(), HERE, 0.01, leeway=Leeway(refused=tuple(refused))
+    )
+    assert plan.stays
+    assert plan.most_chance == plan.stay_chance == 0.0
 
 
 def test_worth_has_its_order() -> None:

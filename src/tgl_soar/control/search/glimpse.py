@@ -6,6 +6,7 @@ of their own, late, or dead.
 
 from __future__ import annotations
 
+from math import pi
 from typing import Final, NamedTuple
 
 from tgl_soar.control.envelope import Fence
@@ -39,6 +40,8 @@ class SearchTask(NamedTuple):
     polar: GlidePolar
     clearance_min_m: float
     line: LineLimits
+    eta_min_rad: float = 0.0  # inclinations that a line may have
+    eta_max_rad: float = pi
 
 
 def task_of(laws: Laws) -> SearchTask:

@@ -5,7 +5,7 @@ The map listens to every glimpse; a plan is made, and the line moved, only where
 
 from __future__ import annotations
 
-from math import hypot, isfinite
+from math import hypot, isfinite, pi
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from tgl_soar.control.search.plan import (
     DRAWS,
     FLOWN_THROUGH_MPS,
     SPREAD,
+    Leeway,
     LinePlan,
     horizon_of,
     likely_fields,
@@ -37,6 +38,8 @@ from tgl_soar.types import GRAVITY_MPS2, NAN, GlidePolar
 AVERAGING_S: Final = 0.2  # of a reading: what is left of gusts has this much behind it
 SPEED_MAX_MARGIN: Final = 1.0
 LANDING: Final = 1.5  # of CLEAR_MIN: half of it is left when recovering would begin
+# So long a line that was refused is left out: plans enough to move elsewhere or to give up.
+REFUSED_S: Final = 10.0
 
 
 class Sighting(NamedTuple):
@@ -122,6 +125,8 @@ class LiftSearch:
         self.roll: RollOut = roll_out  # or the same compiled, in simulation
         self.state: SearchState | None = None  # None: no line was wanted yet
         self.plan: LinePlan | None = None  # the last
+        self.leans_rad = (0.0, pi)  # the inclinations that a line may have
+        self._refused: list[tuple[float, TargetLine]] = []  # since when, and the line
         self._map: LiftMap | None = None
         self._grid: Grid | None = None
         self._normals = np.zeros((DRAWS, 0))
@@ -162,11 +167,13 @@ class LiftSearch:
     def rest(self) -> None:
         """No line is wanted any more; the next search begins from the start, with the same map."""
         self.state = self.plan = None
+        self._refused = []
 
     def stays(self, look: Sighting) -> None:
-        """The line that it wished for was refused: it is where it is."""
+        """The line that it wished for was refused: it is where it is, and that one is left out."""
         line = look.moving.line
         if self.state is not None:
+            self._refused.append((look.time_s, self.state.target))
             here = TargetLine(line.x_m, line.z_m, line.eta_rad)
             self.state = self.state._replace(target=here)
 
@@ -207,6 +214,7 @@ class LiftSearch:
         fields = likely_fields(self.grid, self.map.mean(), draws, self.map.ahead(over_s), drawn)
         # With power no height runs out.
         guards = look.guards._replace(landing_m=0.0) if look.carried else look.guards
+        self._refused = [r for r in self._refused if 0.0 <= look.time_s - r[0] < REFUSED_S]
         # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
         diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
         return plan_in(
@@ -219,6 +227,7 @@ class LiftSearch:
             diffusion,
             keep_worth(state),
             self.roll,
+            Leeway(*self.leans_rad, tuple(line for _, line in self._refused)),
         )
 
 
@@ -254,6 +263,7 @@ class Seeker:
             return None
         if self.search is None:
             self.search = LiftSearch(self._task.polar)
+        self.search.leans_rad = (self._task.eta_min_rad, self._task.eta_max_rad)
         self.search.listen(look)
         if glimpse.search != self._number:
             self._number = glimpse.search

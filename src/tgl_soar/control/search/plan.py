@@ -13,6 +13,9 @@ The worth of a rollout
     still flies, and sinks                               0 … 0.5, by the time that is left
     leaves a guard                                       −1 … −0.5, by when
 
+No candidates are leans that the parameters do not allow, and for a while what was refused: at the
+line's own lean that place, at another one that lean, which the loop's margin refuses everywhere.
+
 Guards are the fence, the polar's ends, and the ground: not its clearance alone but the height over
 it at which the search gives up.  The best mean worth wins, less a small price on moving, where the
 present line is not good enough.  A place whose well would let gusts carry the aircraft out within
@@ -29,7 +32,7 @@ says, and is worth so much less.
 
 from __future__ import annotations
 
-from math import radians
+from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -61,6 +64,7 @@ DISTANCES: Final = (0.03, 0.06, 0.10, 0.16, 0.24, 0.35, 0.50, 0.70)  # of H, to 
 LEAN_DISTANCES: Final = (0.06, 0.16, 0.35)  # the same with another lean, and none
 LEANS_RAD: Final = (radians(10.0), radians(15.0), radians(25.0))
 LEAN_APART_RAD: Final = radians(3.0)  # a lean this near the line's is the line's
+REFUSED_NEAR: Final = 0.03  # of H: a line this near one that was refused is the same
 MOVE_PRICE: Final = 0.05
 FAR_PRICE: Final = 0.2  # for each H that the line is moved: what is far is known least
 LEAN_PRICE: Final = 0.03  # the gains are for the lean that is set
@@ -118,6 +122,32 @@ def candidates(now: Moving, target: TargetLine, height_m: float, deceleration_mp
     return Lines(columns[:, 0], columns[:, 1], columns[:, 2])
 
 
+class Leeway(NamedTuple):
+    """Which lines are candidates."""
+
+    eta_min_rad: float = 0.0
+    eta_max_rad: float = pi
+    refused: tuple[TargetLine, ...] = ()  # these are none
+
+
+ANY_LINE: Final = Leeway()
+
+
+def allowed(lines: Lines, now: Moving, height_m: float, leeway: Leeway) -> Lines:
+    """The candidates that may be chosen; the first, the present target, always may."""
+    etas = lines.eta_rad
+    kept = (etas >= leeway.eta_min_rad - 1e-6) & (etas <= leeway.eta_max_rad + 1e-6)
+    for line in leeway.refused:
+        same = np.abs(etas - line.eta_rad) < LEAN_APART_RAD
+        if abs(line.eta_rad - now.line.eta_rad) < LEAN_APART_RAD:
+            c, s = cos(line.eta_rad), sin(line.eta_rad)
+            across_m = c * (lines.z_m - line.z_m) - s * (lines.x_m - line.x_m)
+            same &= np.abs(across_m) < REFUSED_NEAR * height_m
+        kept &= ~same
+    kept[0] = True
+    return lines if kept.all() else Lines(*(column[kept] for column in lines))
+
+
 def likely_fields(
     grid: Grid, mean: Floats, draws: Floats, ahead: float = 1.0, draws_ahead: Floats | None = None
 ) -> Fields:
@@ -165,15 +195,17 @@ def plan_in(
     diffusion_m2ps: float,
     keep_worth: float = float("inf"),
     roll: RollOut = roll_out,
+    leeway: Leeway = ANY_LINE,
 ) -> LinePlan:
     """The best line in fields of which the first is the mean.
 
     keep_worth: of the present line, from which on no other one is looked for.  roll: `roll_out`,
-    or the same compiled.
+    or the same compiled.  leeway: which lines are candidates.
     """
     height = guards.box.height_m
     horizon = horizon_of(height)
     lines = candidates(now, target, height, guards.line.acceleration_mps2)
+    lines = allowed(lines, now, height, leeway)
     out = roll(grid.above(guards), fields, polar, guards, now, lines, horizon, STEPS)
     soars = ~np.isfinite(out.failed_s) & (out.climb_mps > CLIMB_LEAST_MPS)
     well = wells(grid, fields, polar, guards, lines, out.x_m[0], out.z_m[0], diffusion_m2ps)
