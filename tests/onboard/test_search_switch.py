@@ -281,12 +281,20 @@ def test_the_point_of_the_line_is_where_the_aircraft_is_to_settle() -> None:
     assert x_m == pytest.approx(-2.0 * 0.26795, abs=0.02)  # on the line through the origin
 
 
-def test_a_search_that_dies_or_is_late_ends_and_the_line_stays() -> None:
+def test_a_search_that_dies_or_is_late_ends_and_the_line_goes_on() -> None:
     flight, search = searching()
+    search.wishes(0.6)
+    flight.run(0.3)
     search.answer, search.failure = None, "its process has died"
     flight.run(0.1)
     assert "search ended: its process has died" in words(flight)
     assert flight.mode_now == CAPTURING
+    onboard = flight.onboard
+    assert onboard.output is not None
+    assert onboard.output.line.x_m < 0.2
+    flight.run(4.0)  # to where it was sent last, at TGL_SLEW
+    assert onboard.output.line.x_m == pytest.approx(0.6)
+    assert value(flight, "TGL_X") == pytest.approx(0.6)
     flight.set("SRCH_START", 1.0)
     flight.run(0.1)
     assert "its process has died" in "".join(texts(flight.said()))

@@ -728,11 +728,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="SRCH_START", unit="", minimum=0, maximum=4, default=0,
         meaning="1: search for a place to soar: while engaged the module moves the line itself, in"
-                " mode searching, and soars where it finds one; 0: the line stays where it is. The"
-                " module shows 2 while it says that it soars, and 3 where it has given up, which"
-                " disengages; then 0; and 4 in place of 0 where FC_ACT is 4 and no search can"
-                " begin by itself. Setting any TGL_ parameter ends a search. It needs a fence on"
-                " every side, CLEAR_MIN, [polar] and [model] in the airframe file.",
+                " mode searching, and soars where it finds one; 0: the line goes on to where it was"
+                " sent last. The module shows 2 while it says that it soars, and 3 where it has"
+                " given up, which disengages; then 0; and 4 in place of 0 where FC_ACT is 4 and no"
+                " search can begin by itself. Setting any TGL_ parameter ends a search. It needs a"
+                " fence on every side, CLEAR_MIN, [polar] and [model] in the airframe file.",
         integer=True, in_files=False,
     ),
     # --- the survey --------------------------------------------------------------------------

@@ -4,8 +4,8 @@ The map and its rollouts are beside the tick (`search_beside`).  They are told w
 every `LOOK_S`, and what they answer is a line.  It is taken as an operator's: within fence and
 clearance, in the parameters that everybody sees, and it slides at TGL_SLEW.  Two things are not
 asked: the contour of the site, which is of another day's wind, and TGL_STEP_MAX, which guards
-against slips of the hand.  An answer that is late or never comes leaves the line where it is, and
-ends the search.
+against slips of the hand.  An answer that is late or never comes ends the search; the line
+goes on to where it was sent last.
 
 Every answer says which glimpse it is of, and of which search: what an ended search or flight had
 asked for is not obeyed, and late is who answers glimpses of LATE_S ago.
@@ -322,7 +322,7 @@ class SearchSwitch:
             self._is_refused = True
 
     def _end(self, severity: int, text: str) -> None:
-        """The line stays where it is."""
+        """The line goes on to where it was sent last."""
         self._outbox.tell(severity, text)
         self._settings.assign("SRCH_START", SEARCH_OFF)
         self._renew(seeks=False)
