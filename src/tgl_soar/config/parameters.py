@@ -78,7 +78,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="OP_GCS_LOSS", unit="", minimum=0, maximum=1, default=0,
         meaning="What happens when no ground station was received for OP_GCS_S. 0: the module says"
-                " so once and stays on its line; 1: it disengages, and the autopilot flies on in"
+                " so once and flies on; 1: it disengages, and the autopilot flies on in"
                 " the mode that it had before. Then it cannot be engaged without a station either.",
         integer=True,
     ),

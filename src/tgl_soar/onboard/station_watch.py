@@ -56,7 +56,7 @@ class StationWatch:
         if values["OP_GCS_LOSS"] == DISENGAGE:
             return silent
         if not self._is_reported and self._received_s != float("-inf"):
-            self._outbox.tell(SEVERITY_WARNING, f"{silent}: staying on the line")
+            self._outbox.tell(SEVERITY_WARNING, f"{silent}: flying on")
         self._is_reported = True
         return ""
 
