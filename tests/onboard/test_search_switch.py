@@ -83,8 +83,8 @@ class ReportedSearch:
 
     def answers(self, glimpse: Glimpse) -> None:
         if self.answer is not None:
-            stamp = {"time_s": glimpse.now.time_s, "search": glimpse.search}
-            self._answers.append(self.answer._replace(**stamp))
+            answer = self.answer._replace(time_s=glimpse.now.time_s, search=glimpse.search)
+            self._answers.append(answer)
 
     def receive(self) -> LineWish | None:
         newest = self._answers[-1] if self._answers else None
@@ -176,8 +176,9 @@ def test_it_never_soars_while_the_search_does_not_say_so() -> None:
 def test_what_the_search_is_reported() -> None:
     flight, search = searching()
     task = task_of(flight.onboard.settings.laws)
-    leans = {"eta_min_rad": 0.5 * pi + radians(5.0), "eta_max_rad": 0.5 * pi + radians(45.0)}
-    assert search.tasks == [task._replace(**leans)]
+    steepest = 0.5 * pi + radians(45.0)
+    task = task._replace(eta_min_rad=0.5 * pi + radians(5.0), eta_max_rad=steepest)
+    assert search.tasks == [task]
     before = len(search.glimpses)
     flight.run(4.0)
     reported = [g for g in search.glimpses[before:] if g is not None]
@@ -688,6 +689,7 @@ def test_another_search_begins_from_the_start() -> None:
         here.send(glimpse_at(10.0 + LOOK_S * k, 0.6, 1.5 - 0.06 * k, -0.3)._replace(search=1))
         answer = here.receive()
         assert answer is not None
+    assert answer is not None
     assert answer.status == GIVEN_UP
     assert answer.search == 1
     here.send(glimpse_at(20.0, 0.6, 1.5, 0.0)._replace(search=3))
@@ -731,6 +733,7 @@ def test_a_line_that_is_refused_is_not_asked_for_again(lean_max_deg: float) -> N
             asked.append(answer.target)
         elif answer.target.x_m != first.line.x_m:
             break
+    assert answer is not None
     assert answer.target.x_m == pytest.approx(0.6 + 0.24 * 2.7, abs=0.02)
     assert len(asked) == (1 if lean_max_deg > 25.0 else 0)
 
