@@ -360,6 +360,37 @@ def test_a_disk_that_hangs_holds_up_neither_the_loop_nor_the_end(
     release.set()
 
 
+def test_a_change_taken_back_while_the_disk_writes_is_taken_back_on_the_disk_too(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A gain that was tried for a tenth of a second, on a card that takes longer."""
+    writing, go_on = threading.Event(), threading.Event()
+    real = os.fsync
+
+    def slow(file: int) -> None:
+        writing.set()
+        assert go_on.wait(30.0)
+        real(file)
+
+    flying = store(path)
+    flying.restore()
+    flying.start()
+    before, tried = BASE, flying_values(0)
+    flying.poll(before, 0.0)
+    monkeypatch.setattr(os, "fsync", slow)
+    flying.poll(tried, 2.0)
+    assert writing.wait(10.0)
+    again = tried.changed({"TGL_X": before["TGL_X"]})
+    flying.poll(again, 2.1)  # the disk has not answered yet
+    go_on.set()
+    settled(flying, again, 2.2)
+    settled(flying, again, 4.0)  # the second write is due
+    assert store(path).restore().values == before  # as after a kill
+    assert flying.writes == 2
+    flying.stop(again)
+    assert flying.writes == 2  # nothing was left to write
+
+
 def test_a_clock_that_goes_back_does_not_stop_the_writing(path: Path) -> None:
     """Lockstep: from the computer's clock to the vehicle's."""
     flying = store(path)

@@ -313,6 +313,8 @@ class ParameterStore:
             return [] if failed_before else [f"parameters are not kept: {error}; flying on"]
         self.writes += 1
         self._kept = handed
+        if self._seen is not None:  # taken back while the disk wrote: the old ones count again
+            self._pending = to_keep(self._seen, self._base) != handed
         return ["parameters are kept again"] if failed_before else []
 
     # --- in the thread ------------------------------------------------------------------------
