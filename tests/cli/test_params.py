@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from tgl_soar.cli import params
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import shipped
 from tgl_soar.config.parameter_files import read_file, written
+from tgl_soar.config.parameter_store import Identity, state_text
 from tgl_soar.config.parameters import PARAMETERS, ParameterSet, as_wire_value
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
@@ -165,3 +167,59 @@ def test_a_folder_that_takes_nothing_is_named(command: Command, tmp_path: Path) 
     assert read_file(tmp_path / "f.params").values == {"RHO_P": 0.5}
     assert "cannot be written" in command("import", "f.params", code=2)
     assert "cannot be written" in command("export", "state/f.params", code=2)
+
+
+def test_vehicles_of_files_of_the_same_name_have_each_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of aircraft whose folders `tgl-soar init` made, with names or system ids of their own."""
+    monkeypatch.chdir(tmp_path)
+    text = AIRFRAME.read_text(encoding="utf-8")
+    changes = {
+        "first": text,
+        "second": re.sub(r"(?m)^system_id = 1$", "system_id = 2", text),
+        "third": re.sub(r'(?m)^name = ".*"$', 'name = "Another"', text),
+    }
+    for name, changed in changes.items():
+        assert (changed == text) == (name == "first")
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "airframe.toml").write_text(changed, encoding="utf-8")
+
+    def ran(name: str, *words: str) -> str:
+        files = ["--airframe", f"{name}/airframe.toml", "--site", str(SITE), "--state", "state"]
+        got = CliRunner().invoke(app, ["params", *words, *files])
+        assert got.exit_code == 0, got.output
+        return got.output
+
+    def gain(name: str) -> float:
+        files = tmp_path / name / "airframe.toml", SITE
+        return params.beginning(*files, tmp_path / "state").values["RHO_D"]
+
+    # What an earlier version kept is the second's: the others neither take nor lose it.
+    old = tmp_path / "state" / "airframe-tunnel.params"
+    old.parent.mkdir()
+    begun = params.beginning(tmp_path / "second" / "airframe.toml", SITE, tmp_path / "state")
+    who = Identity(begun.airframe.airframe.name, begun.site.site.name, system=2)
+    old.write_bytes(state_text(who, {"RHO_D": 0.75}))
+    assert [gain(name) for name in changes] == [as_wire_value(v) for v in (0.33, 0.75, 0.33)]
+    for name, value in (("first", 0.34), ("third", 0.35)):
+        (tmp_path / "mine.parm").write_text(f"RHO_D {value}\n")
+        ran(name, "import", "mine.parm")
+    assert [gain(name) for name in changes] == [as_wire_value(v) for v in (0.34, 0.75, 0.35)]
+    ran("first", "reset")
+    assert [gain(name) for name in changes] == [as_wire_value(v) for v in (0.33, 0.75, 0.35)]
+    assert "removed" in ran("second", "reset")
+    assert [gain(name) for name in changes] == [as_wire_value(v) for v in (0.33, 0.33, 0.35)]
+
+
+def test_another_vehicles_file_is_neither_written_over_nor_removed(
+    command: Command, tmp_path: Path
+) -> None:
+    path = params.beginning(AIRFRAME, SITE, tmp_path / "state").store.path
+    path.parent.mkdir()
+    data = state_text(Identity("Other", "Hill"), {"RHO_D": 0.5})
+    path.write_bytes(data)
+    (tmp_path / "mine.parm").write_text("RHO_D 0.34\n")
+    for words in (["import", "mine.parm"], ["reset"]):
+        assert "is another vehicle's: move it elsewhere" in command(*words, code=2)
+        assert path.read_bytes() == data

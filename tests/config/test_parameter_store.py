@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,8 +21,10 @@ from tgl_soar.config.line_changes import PresetLine
 from tgl_soar.config.parameter_files import read_file
 from tgl_soar.config.parameter_store import (
     Identity,
+    OtherVehicleError,
     ParameterStore,
     StoreError,
+    old_state_file,
     read_state,
     restored,
     state_file,
@@ -172,12 +175,114 @@ def test_without_any_good_copy_the_files_values_are_used_and_the_loss_is_reporte
     assert "LOST" in got.notes[-1]
 
 
-def test_what_was_kept_for_another_place_is_not_flown(path: Path) -> None:
-    saved(path, {"TGL_X": 1})
-    elsewhere = ParameterStore(path, Identity("Glider", "Other\nhill"), BASE, PRESETS)
-    got = elsewhere.restore()
-    assert got.values == BASE
-    assert "of another name" in got.notes[0]
+# --- of which vehicle -------------------------------------------------------------------------
+
+OTHERS = (
+    Identity("Other", "Hill"),
+    Identity("Glider", "Other\nhill"),
+    Identity("Glider", "Hill", system=2),
+    Identity("Glider", "Hill", component=25),
+)
+
+
+def at(folder: Path, who: Identity) -> ParameterStore:
+    """The store of a vehicle whose files are called airframe.toml and site.toml."""
+    files = folder, "airframe.toml", "site.toml"
+    return ParameterStore(state_file(*files, who), who, BASE, PRESETS, old_state_file(*files))
+
+
+def old_text(who: Identity, kept: dict[str, float]) -> bytes:
+    """A file as version 0.1.0 wrote it: no ids among its first lines."""
+    lines = state_text(who, kept).rpartition(b"# checksum: ")[0].splitlines(keepends=True)
+    text = b"".join(line for line in lines if not line.startswith(b"# vehicle: "))
+    return text + f"# checksum: {crc32(text):08x}\n".encode()
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_vehicles_of_files_of_the_same_name_have_each_their_own(
+    tmp_path: Path, other: Identity
+) -> None:
+    for round_ in range(3):
+        for who, gain in ((WHO, 0.7), (other, 0.9)):
+            starting = at(tmp_path, who)
+            got = starting.restore()
+            assert not got.damaged
+            assert got.values == (BASE.changed({"RHO_P": gain}) if round_ else BASE)
+            starting.save(BASE.changed({"RHO_P": gain}))
+    assert not list(tmp_path.glob("*.damaged"))
+
+
+@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize("ending", ["", ".previous"])
+def test_what_was_kept_for_another_vehicle_is_neither_flown_nor_written_over(
+    path: Path, other: Identity, ending: str
+) -> None:
+    """As of a file that somebody has copied to where ours would lie."""
+    file = path.with_name(path.name + ending)
+    file.parent.mkdir()
+    data = state_text(other, {"TGL_X": 1.0})
+    with pytest.raises(OtherVehicleError):
+        read_state(data, WHO, "f")
+    file.write_bytes(data)
+    if ending:
+        path.write_bytes(state_text(WHO, {"RHO_D": 0.5}))
+    flying = store(path)
+    got = flying.restore()
+    assert got.values == (BASE.changed({"RHO_D": 0.5}) if ending else BASE)
+    if not ending:
+        (note,) = got.notes
+        assert "of another name or another MAVLink id: neither used nor written over" in note
+    flying.start()
+    (reported,) = settled(flying, flying_values(0), 0.0)
+    assert f"{file.name} is another vehicle's: move it elsewhere" in reported
+    flying.stop(flying_values(0))
+    for change in (lambda: flying.save(BASE), flying.forget):
+        with pytest.raises(FileExistsError):
+            change()
+    assert file.read_bytes() == data
+    assert len(list(path.parent.iterdir())) == 1 + (ending != "")
+
+
+@pytest.mark.parametrize("ending", ["", ".previous"])
+def test_what_an_earlier_version_kept_is_taken_once(tmp_path: Path, ending: str) -> None:
+    old = tmp_path / f"airframe-site.params{ending}"
+    old.write_bytes(old_text(WHO, {"RHO_P": 0.75}))
+    upgraded = at(tmp_path, WHO)
+    got = upgraded.restore()
+    assert got.values == BASE.changed({"RHO_P": 0.75})
+    assert any(old.name in note for note in got.notes)
+    upgraded.start()
+    assert settled(upgraded, got.values, 0.0) == []  # what was read is written at once
+    upgraded.stop(got.values)
+    old.write_bytes(old_text(WHO, {"RHO_P": 0.8}))  # by an earlier version that was tried again
+    again = at(tmp_path, WHO)
+    assert again.restore() == (got.values, got.kept, (), False)
+    assert again.forget()
+    assert not old.exists()  # or it would come back
+    assert at(tmp_path, WHO).restore() == (BASE, {}, (), False)
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_what_an_earlier_version_kept_for_another_vehicle_stays_there(
+    tmp_path: Path, other: Identity
+) -> None:
+    old = tmp_path / "airframe-site.params"
+    old.write_bytes(old_text(other, {"RHO_P": 0.75}))
+    ours = at(tmp_path, WHO)
+    assert ours.restore() == (BASE, {}, (), False)
+    ours.save(BASE.changed({"RHO_P": 0.9}))
+    assert ours.forget()
+    assert [file.name for file in tmp_path.iterdir()] == [old.name]
+    assert at(tmp_path, other).restore().values["RHO_P"] == 0.75
+
+
+def test_a_damaged_file_of_an_earlier_version_is_reported_and_left(tmp_path: Path) -> None:
+    old = tmp_path / "airframe-site.params"
+    old.write_bytes(old_text(WHO, {"RHO_P": 0.75})[:-3])
+    got = at(tmp_path, WHO).restore()
+    assert (got.values, got.damaged) == (BASE, True)
+    assert "LOST" in got.notes[-1]
+    assert [file.name for file in tmp_path.iterdir()] == [old.name]
 
 
 # --- kill -9 ----------------------------------------------------------------------------------
@@ -412,9 +517,11 @@ def test_the_state_lies_where_a_users_programs_keep_it() -> None:
         "/h/.local/state/tgl_soar"
     )
     assert state_folder({}) is None
-    assert state_file(Path("/s"), "x/my_glider.toml", Path("hill.toml")) == Path(
-        "/s/my_glider-hill.params"
-    )
+    files = Path("/s"), "x/my_glider.toml", Path("hill.toml")
+    assert old_state_file(*files) == Path("/s/my_glider-hill.params")
+    mine = state_file(*files, Identity("Glider", "Hill", 3, 25))
+    assert mine.parent == Path("/s")
+    assert re.fullmatch(r"my_glider-hill-3-25-[0-9a-f]{8}\.params", mine.name)
 
 
 def test_a_file_that_cannot_be_replaced_stays_alone(

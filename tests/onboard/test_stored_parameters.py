@@ -15,12 +15,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site, shipped
-from tgl_soar.config.parameter_store import Identity, state_text
+from tgl_soar.config.parameter_store import Identity, state_file, state_text
 from tgl_soar.onboard import process
 from tgl_soar.onboard.command_line import RunOptions
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
-FILE = "eclipson_c-tunnel.params"
+IDENTITY = Identity(load_airframe(AIRFRAME).airframe.name, load_site(SITE).site.name)
+FILE = state_file(Path(), AIRFRAME, SITE, IDENTITY).name
 
 
 class Flying:
@@ -124,17 +125,16 @@ def test_changes_survive_a_kill_and_a_damaged_file(tmp_path: Path) -> None:
     assert "checksum is wrong" in third.end(signal.SIGKILL)
 
 
+@pytest.mark.parametrize("name", [FILE, "eclipson_c-tunnel.params"])  # as version 0.1.0 called it
 def test_a_stored_switch_that_moves_a_surface_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     """The surfaces were moved to other channels since."""
     airframe = load_airframe(AIRFRAME)
     channel = airframe.surfaces.rudder.channel
-    site = load_site(SITE)
     store = tmp_path / FILE
-    identity = Identity(airframe.airframe.name, site.site.name)
     kept = {"OP_RC_CHAN": float(channel)}
-    store.write_bytes(state_text(identity, kept))
+    (tmp_path / name).write_bytes(state_text(IDENTITY, kept))
     links = ("udp:127.0.0.1:0",)
     options = RunOptions(airframe=AIRFRAME, site=SITE, links=links, state=tmp_path, timeout_s=0.1)
     end = process.run(options)

@@ -25,7 +25,13 @@ from tgl_soar.config.parameter_files import (
     written,
 )
 from tgl_soar.config.parameter_groups import GROUPS
-from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file, state_folder
+from tgl_soar.config.parameter_store import (
+    Identity,
+    ParameterStore,
+    old_state_file,
+    state_file,
+    state_folder,
+)
 from tgl_soar.config.parameters import PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import LineBounds
@@ -117,8 +123,9 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
         raise ConfigError("no folder for stored parameters is known: name one with --state")
     link = airframe.autopilot
     identity = Identity(airframe.airframe.name, site.site.name, link.system_id, link.component_id)
-    path = state_file(folder, airframe_path, site_path)
-    store = ParameterStore(path, identity, files, presets)
+    path = state_file(folder, airframe_path, site_path, identity)
+    old = old_state_file(folder, airframe_path, site_path)
+    store = ParameterStore(path, identity, files, presets, old)
     found = store.restore(looking=True)
     return Beginning(
         airframe=airframe,

@@ -67,10 +67,18 @@ the site's contour, too far away) is refused with the reason:
 ## What is stored
 
 A value that is changed over the air and differs from the airframe and site files is stored within a
-second, and read back at the next start. The file is `<airframe file>-<site file>.params` in
-`$XDG_STATE_HOME/tgl_soar`, or else in `~/.local/state/tgl_soar`; `tgl-soar run --state FOLDER`
-names another folder, `--state none` stores nothing. For everything that was not changed over the
-air, a new airframe or site file still counts.
+second, and read back at the next start. The folder is `$XDG_STATE_HOME/tgl_soar`, or else
+`~/.local/state/tgl_soar`; `tgl-soar run --state FOLDER` names another one, `--state none` stores
+nothing. For everything that was not changed over the air, a new airframe or site file still counts.
+
+Each vehicle has a file of its own. It is called
+`<airframe file>-<site file>-<system id>-<component id>-<digits>.params`, for example
+`eclipson_c-hill-1-191-4397b15e.params`; the digits follow from `name` in `[airframe]` and `[site]`
+and from the ids, all of which stand in the file's first lines. What was stored for a vehicle of
+another name or id is not used, moved or written over: whoever changes one of these starts without
+stored values, and takes them along by `tgl-soar params export` before and `import` after. What
+version 0.1.0 stored as `<airframe file>-<site file>.params` is read at the first start, and left
+there.
 
 The file has a checksum and a copy of its previous version (`.previous`). A thread writes a new file
 and renames it over the old one, so that one of them stays whole after a `kill -9` or a loss of

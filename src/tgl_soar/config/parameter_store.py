@@ -1,7 +1,9 @@
 """Parameters changed over the air, kept over a restart.
 
 What differs from the airframe's and the site's files is written to a file of QGroundControl's
-format, named after both, with a checksum on its last line.  Nothing is ever written over:
+format, with a checksum on its last line.  Its name and its first lines say for which vehicle: both
+files' names, the names in them, and the MAVLink ids.  What is kept for another vehicle is never
+used, moved or written over, wherever it lies.  Nothing of our own is written over either:
 
     FILE.previous   first becomes what FILE holds
     FILE            then becomes the new text
@@ -10,6 +12,9 @@ format, named after both, with a checksum on its last line.  Nothing is ever wri
 so that at every moment a kill or a loss of power leaves at least one good copy.  A damaged FILE
 is set aside as FILE.damaged, the previous copy is taken, and the operator is told.
 
+Up to version 0.1.0 the name had no ids, so that vehicles shared a file.  One of such a name is
+read, with its previous copy, as long as there is none of the new name; it is left as it is.
+
 The disk may take seconds (an SD card tidying up), so a thread does the writing; the loop only
 hands over and looks for the outcome.  It is started after the process has become real-time and
 inherits its priority: while it holds the interpreter it must not have to wait for a processor.
@@ -17,6 +22,7 @@ inherits its priority: while it holds the interpreter it must not have to wait f
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import queue
@@ -42,8 +48,12 @@ class StoreError(ValueError):
     """A file that cannot be believed; the message says why."""
 
 
+class OtherVehicleError(StoreError):
+    """A good file that was kept for another vehicle."""
+
+
 class Identity(NamedTuple):
-    """What the parameters were changed for."""
+    """The vehicle that parameters were changed for: names inside its files, and its ids."""
 
     airframe: str
     site: str
@@ -68,8 +78,15 @@ def state_folder(environment: Mapping[str, str]) -> Path | None:
     return Path(home) / ".local" / "state" / "tgl_soar" if home.startswith("/") else None
 
 
-def state_file(folder: Path, airframe: str | Path, site: str | Path) -> Path:
-    """The file for an airframe file and a site file."""
+def state_file(folder: Path, airframe: str | Path, site: str | Path, identity: Identity) -> Path:
+    """The file for a vehicle that an airframe file and a site file describe."""
+    ids = f"{identity.system}-{identity.component}"
+    names = f"{crc32(_header(identity).encode()):08x}"
+    return folder / f"{Path(airframe).stem}-{Path(site).stem}-{ids}-{names}.params"
+
+
+def old_state_file(folder: Path, airframe: str | Path, site: str | Path) -> Path:
+    """What it was called up to version 0.1.0, whatever the vehicle."""
     return folder / f"{Path(airframe).stem}-{Path(site).stem}.params"
 
 
@@ -88,6 +105,12 @@ def state_text(identity: Identity, kept: Mapping[str, float]) -> bytes:
 
 
 def _header(identity: Identity) -> str:
+    ids = f"# vehicle: system {identity.system}, component {identity.component}\n"
+    return _old_header(identity) + ids
+
+
+def _old_header(identity: Identity) -> str:
+    """As up to version 0.1.0, without the ids."""
     return (
         "# tgl_soar: parameters changed over the air. Edit with `tgl-soar params import`.\n"
         f"# airframe: {json.dumps(identity.airframe)}\n"
@@ -96,16 +119,26 @@ def _header(identity: Identity) -> str:
 
 
 def read_state(data: bytes, identity: Identity, source: str) -> tuple[dict[str, float], list[str]]:
-    """Values, and what was passed over.  Errors: `StoreError`."""
+    """Values, and what was passed over.  Errors: `StoreError`, `OtherVehicleError`."""
     text, mark, checksum = data.rpartition(_CHECKSUM)
     if not mark or checksum != f"{crc32(text):08x}\n".encode():
         raise StoreError("damaged: its checksum is wrong")
-    if not text.startswith(_header(identity).encode()):
-        raise StoreError("kept for an airframe or a site of another name")
+    if not _is_for(identity, text):
+        raise OtherVehicleError("kept for a vehicle of another name or another MAVLink id")
     read = read_text(
         text.decode("utf-8", "replace"), source, component=identity.component, strict=False
     )
     return read.values, list(read.notes)
+
+
+def _is_for(identity: Identity, text: bytes) -> bool:
+    """Whether a good file is this vehicle's; where its header has no ids, its rows say so."""
+    if text.startswith(_header(identity).encode()):
+        return True
+    start = f"{_old_header(identity)}# Onboard parameters for Vehicle {identity.system}\n".encode()
+    row = f"{identity.system}\t{identity.component}\t".encode()
+    rows = [line for line in text.splitlines() if not line.startswith(b"#")]
+    return text.startswith(start) and all(line.startswith(row) for line in rows)
 
 
 def restored(
@@ -156,6 +189,11 @@ def _replace(path: Path, data: bytes) -> None:
         raise
 
 
+def _both(path: Path) -> tuple[Path, Path]:
+    """A file and its previous copy."""
+    return path, _beside(path, ".previous")
+
+
 def _beside(path: Path, ending: str) -> Path:
     return path.with_name(path.name + ending)
 
@@ -164,14 +202,22 @@ class ParameterStore:
     """One file, read at the start and written while flying."""
 
     def __init__(
-        self, path: Path, identity: Identity, base: ParameterSet, presets: Presets = ()
+        self,
+        path: Path,
+        identity: Identity,
+        base: ParameterSet,
+        presets: Presets = (),
+        old: Path | None = None,
     ) -> None:
-        """`base`: the values of the airframe's and the site's files."""
+        """`base`: the values of the airframe's and the site's files; `old`: what the file was
+        called in earlier versions."""
         self.path = path
+        self._old = old
         self.writes = 0
         self._identity = identity
         self._base = base
         self._presets = presets
+        self._others: list[Path] = []  # another vehicle's, where ours would lie
         self._good: bytes | None = None  # what FILE holds, if it is good
         self._kept: dict[str, float] | None = {}  # what it says; None: it has to be written
         self._seen: ParameterSet | None = None
@@ -192,41 +238,81 @@ class ParameterStore:
     # --- at the start -------------------------------------------------------------------------
 
     def restore(self, *, looking: bool = False) -> Restored:
-        """What was kept, from the file or else from its previous copy.
+        """What was kept, from the file or else from its previous copy, or from those of the old
+        name.
 
         A damaged file is set aside, unless one is only `looking`.
         """
+        self._others = [path for path in _both(self.path) if self._is_ours(path) is False]
+        found = self._restored_from(self.path, sets_aside=not looking)
+        if found is None and self._old is not None:
+            found = self._restored_from(self._old, sets_aside=False)
+        return found or Restored(self._base, {}, (), False)  # the first start
+
+    def _restored_from(self, main: Path, *, sets_aside: bool) -> Restored | None:
+        """From a file or its previous copy; None: there is nothing of ours."""
         notes: list[str] = []
-        for path in (self.path, _beside(self.path, ".previous")):
+        is_lost = False
+        for path in _both(main):
             try:
-                with path.open("rb") as file:
-                    data = file.read(LARGEST_BYTES)
-                kept, passed_over = read_state(data, self._identity, str(path))
+                data, kept, passed_over = self._read(path)
             except FileNotFoundError:
-                if path == self.path:
+                if path == main:
                     notes.append(f"{path}: missing")
+            except OtherVehicleError as error:
+                if main == self.path:  # an old name may well be another's
+                    notes.append(f"{path}: {error}: neither used nor written over")
             except (OSError, StoreError) as error:
+                is_lost = True
                 reason = error.strerror if isinstance(error, OSError) else error
                 notes.append(f"{path}: {reason}")
-                if isinstance(error, StoreError) and not looking:
+                if isinstance(error, StoreError) and sets_aside:
                     self._set_aside(path)
             else:
-                values, unfit = restored(self._base, kept, self._presets)
-                unfit = [f"{path}: {note}" for note in unfit]
-                is_main = path == self.path
-                if is_main:
-                    self._good = data
-                    self._kept = to_keep(values, self._base)
-                else:
-                    self._kept = None
-                    notes.append(f"{path}: used in its place")
-                notes += [*passed_over, *unfit]
-                return Restored(values, to_keep(values, self._base), tuple(notes), bool(notes))
-        if len(notes) == 1 and notes[0].endswith(": missing"):
-            return Restored(self._base, {}, (), False)  # the first start
-        self._kept = None
-        notes.append("changed parameters are LOST: the values of the files are used")
+                return self._taken(path, data, kept, [*notes, *passed_over])
+        if is_lost:
+            self._kept = None
+            notes.append("changed parameters are LOST: the values of the files are used")
+        elif all(note.endswith(": missing") for note in notes):
+            return None
         return Restored(self._base, {}, tuple(notes), True)
+
+    def _taken(self, path: Path, data: bytes, kept: dict[str, float], notes: list[str]) -> Restored:
+        """From a good file.  `notes`: what there is to be told already."""
+        values, unfit = restored(self._base, kept, self._presets)
+        if path == self.path:
+            self._good = data
+            self._kept = to_keep(values, self._base)
+        else:
+            self._kept = None
+            if path == self._old:
+                notes.append(f"{path}: of an earlier version: kept as {self.path.name} from now on")
+            else:
+                notes.append(f"{path}: used in its place")
+        notes += [f"{path}: {note}" for note in unfit]
+        return Restored(values, to_keep(values, self._base), tuple(notes), bool(notes))
+
+    def _read(self, path: Path) -> tuple[bytes, dict[str, float], list[str]]:
+        """A file's bytes, its values, and what was passed over.  Errors: OSError, `StoreError`."""
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES)
+        return data, *read_state(data, self._identity, str(path))
+
+    def _is_ours(self, path: Path) -> bool | None:
+        """Whether a good file is this vehicle's; None: there is none that is good."""
+        try:
+            self._read(path)
+        except OtherVehicleError:
+            return False
+        except (OSError, StoreError):
+            return None
+        return True
+
+    def _leave_others(self) -> None:
+        """Errors: OSError, where a file of ours would take the place of another vehicle's."""
+        if self._others:
+            reason = f"{self._others[0].name} is another vehicle's: move it elsewhere"
+            raise FileExistsError(errno.EEXIST, reason)
 
     def _set_aside(self, path: Path) -> None:
         try:
@@ -239,8 +325,12 @@ class ParameterStore:
         self._write(to_keep(values, self._base))
 
     def forget(self) -> bool:
-        """Remove the file and its previous copy; whether there was any.  Errors: OSError."""
-        paths = [p for p in (self.path, _beside(self.path, ".previous")) if p.exists()]
+        """Remove the file and its previous copy, and ours of the old name, which would be read
+        again; whether there was any.  Errors: OSError."""
+        self._leave_others()
+        paths = [path for path in _both(self.path) if path.exists()]
+        if self._old is not None:
+            paths += [path for path in _both(self._old) if self._is_ours(path)]
         for path in paths:
             path.unlink()
         return bool(paths)
@@ -329,6 +419,7 @@ class ParameterStore:
                 self._outcomes.put("")
 
     def _write(self, kept: Mapping[str, float]) -> None:
+        self._leave_others()
         data = state_text(self._identity, kept)
         write_state(self.path, data, self._good)
         self._good = data

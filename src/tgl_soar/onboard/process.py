@@ -27,7 +27,12 @@ from tgl_soar.config.files import (
     load_parameters,
     load_site,
 )
-from tgl_soar.config.parameter_store import Identity, ParameterStore, state_file
+from tgl_soar.config.parameter_store import (
+    Identity,
+    ParameterStore,
+    old_state_file,
+    state_file,
+)
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
@@ -205,8 +210,9 @@ def _store(plan: RunPlan) -> ParameterStore | None:
         return None
     own = plan.setup.own
     identity = Identity(plan.airframe.airframe.name, plan.site.site.name, own.system, own.component)
-    path = state_file(plan.options.state, plan.options.airframe, plan.options.site)
-    return ParameterStore(path, identity, plan.setup.parameters, plan.setup.presets)
+    files = plan.options.state, plan.options.airframe, plan.options.site
+    path, old = state_file(*files, identity), old_state_file(*files)
+    return ParameterStore(path, identity, plan.setup.parameters, plan.setup.presets, old)
 
 
 def _recorder(plan: RunPlan) -> FlightRecorder | None:
@@ -263,7 +269,8 @@ def _restored(
         words.append((SEVERITY_NOTICE, f"{len(found.kept)} stored parameters: {names}"))
     if refusal := airframe_refusal(found.values, setup.surface_channels, setup.aerodynamics):
         raise ConfigError(
-            f"{store.path}: {refusal}; set it with `tgl-soar params import`, or remove this file"
+            f"{store.path}: {refusal}; set it with `tgl-soar params import`, or forget all that is"
+            " stored with `tgl-soar params reset`"
         )
     return setup._replace(parameters=found.values), words
 
