@@ -163,6 +163,49 @@ def test_an_abort_goes_at_once_and_drops_what_waits() -> None:
     assert desk.flown.value("TGL_X") == pytest.approx(A.x_m)
 
 
+@pytest.mark.parametrize("number", [RELEASE, ABORT])
+@pytest.mark.parametrize("loses", [False, True])
+@pytest.mark.parametrize("staged", [b"TGL_STAGE", b"TGL_X", b"TGL_Z"])
+def test_a_release_in_the_middle_of_a_move_leaves_nothing_staged(
+    number: int, loses: bool, staged: bytes
+) -> None:
+    """Whatever of it has been sent; and though the frame that drops it is lost once."""
+    desk = Desk()
+    sent = lost = False
+
+    def note(frame: bytes) -> bool:
+        nonlocal sent
+        sent = sent or staged in frame
+        return False
+
+    def lose_one(frame: bytes) -> bool:
+        nonlocal lost
+        is_first = loses and not lost and b"TGL_STAGE" in frame
+        lost = lost or is_first
+        return is_first
+
+    desk.loses = note
+    desk.orders.move("me", B)
+    for _ in range(40):
+        desk.run(SLICE_S)
+        if sent:
+            break
+    assert sent
+    assert desk.flown.onboard.settings.values["TGL_Z"] == pytest.approx(A.z_m)
+    desk.loses = lose_one
+    desk.orders.command("me", number)
+    desk.run(2.0)
+    assert lost == loses
+    assert desk.flown.value("TGL_STAGE") != 1.0
+    assert not desk.flown.onboard.parameters.line.staged
+    assert desk.orders.line() == pytest.approx(A)
+    desk.orders.move("me", A._replace(lean_deg=20.0))
+    desk.run(2.0)
+    assert desk.flown.value("TGL_LEAN") == pytest.approx(20.0)
+    assert desk.flown.value("TGL_X") == pytest.approx(A.x_m)
+    assert desk.flown.value("TGL_Z") == pytest.approx(A.z_m)
+
+
 def test_a_station_that_is_no_operator_is_denied() -> None:
     desk = Desk()
     stranger = Station(1, 191, 99, None, 1.8e9)

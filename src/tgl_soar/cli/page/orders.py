@@ -8,7 +8,7 @@
 
 What the page shows is the module's echo, never what was wished for.  One change of parameters is
 under way at a time; a line that still waits gives way to a newer one.  Commands wait for nothing,
-and an abort or a release drops what is still to be set.
+and an abort or a release drops what is still to be set: what the module holds staged of it, too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.cli.page.ghost import GhostLine
 from tgl_soar.cli.page.station import StationAnswer
-from tgl_soar.config.line_changes import LINE
+from tgl_soar.config.line_changes import DROPPED, LINE
 from tgl_soar.config.parameters import as_wire_value
 from tgl_soar.link.messages import (
     RESULT_ACCEPTED,
@@ -88,6 +88,11 @@ class _Change:
     began_s: float = float("nan")
     sent_s: float = float("-inf")
     stands_since_s: dict[str, float] = field(default_factory=dict)  # another value
+
+    @property
+    def is_staging(self) -> bool:
+        """Whether the module may hold some of it, staged."""
+        return self.staged and self.began_s == self.began_s
 
 
 @dataclass
@@ -173,7 +178,10 @@ class Orders:
     def command(self, who: str, number: int) -> None:
         """Engage, release or abort."""
         if number != ENGAGE:
+            is_staging = any(change.is_staging for change in self._waiting)
             self._waiting.clear()
+            if is_staging:  # or the next change of anything would make that move
+                self._add(_Change(who, "the staged move's end", [{"TGL_STAGE": DROPPED}]))
             self._commands.pop(ENGAGE, None)
         self._commands[number] = _Command(who, number)
 
@@ -243,7 +251,7 @@ class Orders:
         if not ok and change.is_line and self._undo and self._undo[-1] == self.line():
             self._undo.pop()
         if not ok and change.staged and self._station.parameters.get("TGL_STAGE") == 1.0:
-            self._station.set("TGL_STAGE", 2.0)  # what is staged is not to be moved to later
+            self._station.set("TGL_STAGE", DROPPED)  # what is staged is not to be moved to later
         self._done(Done(change.who, ok, f"{change.words}: {result}"))
 
     def _answered(self, answer: StationAnswer) -> None:
