@@ -10,7 +10,7 @@ from test_onboard import CHANNELS, Flight, setup, texts
 from tgl_soar.control.supervisor import CAPTURING, READY, is_flying
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.link.autopilots import flavour
-from tgl_soar.link.messages import Source
+from tgl_soar.link.messages import RESULT_CANCELLED, Source
 
 PLANE, PX4 = (1, 3), (1, 12)
 FBWA, GUIDED = 5, 15
@@ -111,6 +111,37 @@ def test_a_mode_that_does_not_come_engages_nothing() -> None:
     assert any("does not enter GUIDED" in text for text in flight.console)
     assert len(flight.asked) == 3
     assert flight.acks[-1] == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
+@pytest.mark.parametrize("way", ["release", "abort", "parameter"])
+def test_an_engagement_that_is_withdrawn_before_the_mode_comes_is_answered(way: str) -> None:
+    """No change of the module's mode would tell of its end."""
+
+    def command(number: int) -> mavlink.MAVLink_command_long_message:
+        return mavlink.MAVLink_command_long_message(1, 191, number, 0, 0, 0, 0, 0, 0, 0, 0)
+
+    flight = Guided()
+    flight.enters = False
+    flight.run(1.2)
+    flight.hear(command(31010), station=True)
+    flight.run(0.3)
+    assert flight.mode_now == READY
+    assert flight.acks == []  # nothing is known of it yet
+    if way == "parameter":
+        flight.set("OP_ENGAGE", 0.0)
+    else:
+        flight.hear(command(31011 if way == "release" else 31012), station=True)
+    flight.run(0.2)
+    assert RESULT_CANCELLED in flight.acks
+    answered = len(flight.acks)
+    flight.run(12.0)
+    assert len(flight.acks) == answered  # nobody waits any more
+    flight.enters = True
+    flight.hear(command(31011), station=True)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(4.0)
+    assert is_flying(flight.mode_now)
+    assert flight.acks[answered:] == [mavlink.MAV_RESULT_ACCEPTED]  # of the second release
 
 
 SLOW_OR_FAST = pytest.mark.parametrize("quickens", [False, True], ids=["1 Hz", "5 Hz"])

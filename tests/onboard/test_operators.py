@@ -163,6 +163,15 @@ def test_a_capture_that_an_operator_ends_was_cancelled(flight: Flight) -> None:
     assert acks(flight.said())[-1] == (ENGAGE, CANCELLED)
 
 
+def test_an_engagement_that_is_aborted_within_the_same_tick_was_cancelled(flight: Flight) -> None:
+    order(flight, ENGAGE)
+    order(flight, ABORT)
+    flight.run(0.1)
+    assert (ENGAGE, CANCELLED) in acks(flight.said())
+    flight.run(5.0)
+    assert acks(flight.said()) == []  # nobody waits for it
+
+
 def test_what_asked_for_one_engagement_does_not_ask_for_the_next(flight: Flight) -> None:
     """A station that has not seen its PARAM_SET confirmed repeats it, a second apart."""
     flight.engaged().attitude_hz = 0.0

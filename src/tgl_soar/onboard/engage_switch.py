@@ -136,6 +136,7 @@ class EngageSwitch:
     def turn(self, wish: int, by: str, now_s: float, station: Source | None = None) -> None:
         """Somebody who may has asked for it.  `station`: which; None: the pilot's switch."""
         if wish == ABORT:
+            self._withdraw()
             self._engagement.abort(by)
             text = f"aborted by {by}: no engagement until released"
             self._outbox.tell(SEVERITY_WARNING, text)
@@ -152,6 +153,12 @@ class EngageSwitch:
         self._engagement.clear()
         if self._settings.engage:
             self._released_s, self._released_by = now_s, station
+        self._withdraw()
+
+    def _withdraw(self) -> None:
+        """An engagement whose mode has not come yet: no change of mode will report its end."""
+        if self._settings.engage and not is_flying(self.mode):
+            self.report_progress()
 
     def turn_back(self, now_s: float) -> None:
         """The module disengages by itself: the switch goes back, for all to see."""
