@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -20,10 +21,11 @@ from module_process import AIRFRAME, PATIENCE_S, SITE, Module
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site
+from tgl_soar.config.parameter_store import Identity, ParameterStore
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.keys import save_key
-from tgl_soar.onboard import process
+from tgl_soar.onboard import process, watchdog
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.process import EXIT_ERROR, EXIT_LINK_NOT_READY, EXIT_OK
 from tgl_soar.onboard.setup import setup_from
@@ -235,6 +237,25 @@ def fails(heartbeat, became):
     os.kill(os.getppid(), signal.SIGTERM)
     time.sleep(60.0)
 
+def lingers(heartbeat, became):
+    asked = []
+    signal.signal(signal.SIGTERM, lambda *_: asked.append(1))
+    heartbeat.show(True)
+    os.kill(os.getppid(), signal.SIGTERM)
+    while not asked:
+        heartbeat.show(True)
+        time.sleep(0.01)
+    heartbeat.show(False)
+    time.sleep(watchdog.PATIENCE_S + 1.0)
+    return 7
+
+def clings(heartbeat, became):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    os.kill(os.getppid(), signal.SIGTERM)
+    while True:
+        heartbeat.show(True)
+        time.sleep(0.01)
+
 print(watchdog.watch({child}, lambda _sign, became: print("released:", became), print))
 """
 
@@ -256,6 +277,71 @@ def test_whatever_a_process_ends_by_its_surfaces_are_released(
     )
     assert f"released: {became}" in watching.stdout, watching.stderr
     assert watching.stdout.splitlines()[-1] == str(code)
+
+
+def watched(child: str) -> list[str]:
+    """What is printed around one of these, and the time that it takes in the end."""
+    begun_s = time.monotonic()
+    watching = subprocess.run(
+        [sys.executable, "-c", WATCHED.replace("{child}", child)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert watching.returncode == 0, watching.stderr
+    return [*watching.stdout.splitlines(), f"{time.monotonic() - begun_s:.3f}"]
+
+
+def test_a_process_whose_surfaces_are_back_has_time_for_its_files() -> None:
+    """On a card that takes longer than a pilot may wait for the surfaces."""
+    assert watched("lingers")[:-1] == ["7"]
+
+
+def test_a_process_that_keeps_the_surfaces_has_no_such_time() -> None:
+    *words, took_s = watched("clings")
+    killed = "did not end when asked to and was killed"
+    released = "the watchdog released the surfaces"
+    assert words == [f"the flying process {killed}", f"released: {killed}", released, "0"]
+    assert float(took_s) > watchdog.PATIENCE_S
+
+
+class Ending:
+    """A module that ends, and its store: what is done, and whether the page says that there are
+    surfaces."""
+
+    signing = SimpleNamespace(is_on=True)
+    pacer = SimpleNamespace(counters=None)
+    settings = SimpleNamespace(values=ParameterSet())
+
+    def __init__(self, heartbeat: ProcessHeartbeat) -> None:
+        self.done: list[tuple[str, bool]] = []
+        self._heartbeat = heartbeat
+
+    def stop(self, *values: ParameterSet) -> list[str]:
+        """Of both: the store's is given what to write."""
+        self.done.append(("store" if values else "module", self._heartbeat.read().has_surfaces))
+        return []
+
+
+def test_the_page_says_that_the_surfaces_are_back_before_the_disk_is_waited_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    heartbeat = ProcessHeartbeat()
+    heartbeat.show(True)
+    ending = Ending(heartbeat)
+    monkeypatch.setattr(process, "_module", lambda *_: ending)
+    monkeypatch.setattr("tgl_soar.onboard.loop.run", lambda *_, **__: True)
+    monkeypatch.setattr("tgl_soar.onboard.realtime.prepare", lambda *_, **__: [])
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    setup = setup_from(airframe, site, ParameterSet())
+    store = ParameterStore(tmp_path / "f.params", Identity("a", "s"), ParameterSet())
+    monkeypatch.setattr(store, "start", lambda: None)
+    monkeypatch.setattr(store, "stop", ending.stop)
+    opened = process.Opened(setup, (), store=store)
+    options = RunOptions(airframe=AIRFRAME, site=SITE, links=(), lockstep=True)
+    assert process._fly(opened, options, lambda: True, heartbeat) == EXIT_OK
+    assert ending.done == [("module", True), ("store", False)]
 
 
 def is_fed(systemd: socket.socket) -> bool:

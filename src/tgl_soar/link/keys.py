@@ -26,6 +26,7 @@ from tgl_soar.link.messages import Source
 from tgl_soar.link.signing import KEY_BYTES, LAST_STAMP, TICKS_PER_S, Signing, source_of
 
 RESERVE_S: Final = 4.0  # a disk may take half of it to answer; a write every two seconds
+STOP_S: Final = 2.0  # so long the end of the process waits for the disk
 LOOK_S: Final = 0.25  # between two looks whether to reserve more
 DAMAGED: Final = -1  # no stamp of anybody's
 _RESERVE: Final = int(RESERVE_S * TICKS_PER_S)
@@ -109,7 +110,7 @@ def keep_timestamp(
 
     def end() -> None:
         ended.set()
-        thread.join(2.0)
+        thread.join(STOP_S)
 
     return end
 

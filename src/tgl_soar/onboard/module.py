@@ -386,7 +386,6 @@ class Onboard:
         """The process ends: hand over, and say so."""
         self._surfaces.stop(obeys=self.session.status.accepts_surfaces)
         self.outbox.tell(SEVERITY_NOTICE, "tgl_soar stopped")
-        self._reports.stop(self.settings.values)
 
 
 def _version() -> tuple[int, int, int]:

@@ -353,9 +353,10 @@ def _fly(
         )
     finally:  # whatever has happened, the pilot gets the surfaces
         onboard.stop()
-        if heartbeat is not None:
+        if heartbeat is not None:  # before the disk is waited for: there is time for it now
             heartbeat.show(False)
-        for text in (recorder or NO_RECORDER).stop():
+        stored = opened.store.stop(onboard.settings.values) if opened.store is not None else []
+        for text in (*stored, *(recorder or NO_RECORDER).stop()):
             say(text)
     if mocap is not None:
         say(f"OptiTrack: {mocap.client.summary()}")

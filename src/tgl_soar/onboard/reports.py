@@ -95,12 +95,6 @@ class Reports:
             text = f"link too slow: {missing} commands left out; {remedy}"
             self._outbox.tell(SEVERITY_WARNING, text)
 
-    def stop(self, values: ParameterSet) -> None:
-        """The process ends."""
-        if self._store is not None:
-            for text in self._store.stop(values):
-                self._outbox.console(text)
-
 
 def mode_words(output: autopilot.Output) -> list[tuple[int, str]]:
     """What is to be said of a tick with another mode: severities and texts."""

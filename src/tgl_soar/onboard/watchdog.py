@@ -7,7 +7,9 @@ parent does nothing but watch it:
 
     the child has died, or its loop has stood still    kill it, release the surfaces, say so
     that was not asked for                             start it again; it never engages by itself
-    SIGTERM, SIGINT, SIGHUP, SIGQUIT                   pass it on, wait, then as above
+    SIGTERM, SIGINT, SIGHUP, SIGQUIT                   pass it on, wait, then as above: not for
+                                                       long while the child has the surfaces;
+                                                       then until its files are written
     SIGTSTP, SIGTTIN, SIGTTOU                          nothing: neither of the two may be stopped
     SIGUSR1, SIGALRM and their like                    nothing: they mean nothing here
     the parent itself has died                         the kernel ends the child by SIGTERM
@@ -40,7 +42,10 @@ from tgl_soar.onboard.realtime import clock_s
 HANGS_FLYING_S: Final = 0.5  # the loop has not gone round for so long, with the surfaces
 HANGS_S: Final = 10.0  # without them: starting takes its time
 LOOK_S: Final = 0.05  # between two looks
-PATIENCE_S: Final = 2.0  # for a child that was asked to end
+PATIENCE_S: Final = 2.0  # for a child that was asked to end, and has the surfaces yet
+# For one that has given them back.  What it waits for then has limits of its own, 9 s in all: two
+# writes of parameters, the flight log and the signing timestamp 2 s each, the search 1 s.
+ENDING_S: Final = 9.5
 RESTARTS: Final = 5  # within `RESTARTS_S`, then it is somebody else's turn
 RESTARTS_S: Final = 60.0
 RESTART_DELAY_S: Final = 0.2
@@ -216,7 +221,8 @@ def _watch_one(pid: int, heartbeat: ProcessHeartbeat) -> tuple[int | None, str]:
             watchdog.feed(now_s)
         still_s = now_s - round_s
         hangs = still_s > (HANGS_FLYING_S if sign.has_surfaces else HANGS_S)
-        if hangs or (reported_s is not None and now_s - reported_s > PATIENCE_S):
+        patience_s = PATIENCE_S if sign.has_surfaces else ENDING_S
+        if hangs or (reported_s is not None and now_s - reported_s > patience_s):
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
             why = f"stood still for {still_s:.1f} s" if hangs else "did not end when asked to"
