@@ -387,6 +387,21 @@ def test_what_is_no_key_is_refused(tmp_path: Path, content: bytes, why: str) -> 
         load_key(path)
 
 
+def test_a_key_file_that_cannot_be_looked_at_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a folder of another user's, on the way to a first key over the air."""
+    key = tmp_path / "key"
+
+    def forbidden(path: Path, *_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    for name in ("stat", "open"):
+        monkeypatch.setattr(Path, name, forbidden)
+    with pytest.raises(SigningError, match=f"{key}: cannot be read: Permission denied"):
+        signing_from(Secret(key, allow_setup=True), 0.0)
+
+
 def test_a_missing_key_file_says_how_to_make_one(tmp_path: Path) -> None:
     with pytest.raises(SigningError, match="urandom"):
         signing_from(Secret(tmp_path / "none"), 0.0)

@@ -40,6 +40,15 @@ def test_a_key_that_others_can_read_is_refused(
     assert "others may read" in capsys.readouterr().err
 
 
+def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    key = "k" * 300  # no name of a file is so long
+    signing = ("--signing-key", key, "--allow-setup-signing")
+    assert main(arguments("udp:127.0.0.1:1", "--no-guard", *signing)) == EXIT_CANNOT_START
+    assert f"{key}: cannot be read: File name too long" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("signs", [False, True])
 def test_a_link_that_others_reach_is_warned_of_unless_it_is_signed(
     signs: bool, monkeypatch: pytest.MonkeyPatch

@@ -56,13 +56,24 @@ def signing_from(secret: Secret, now_s: float, *, reserve: bool = True) -> Signi
     path = secret.key_file
     if path is None:
         return Signing(None, 0.0, 0.0)
-    key = None if secret.allow_setup and not path.exists() else load_key(path)
+    key = None if secret.allow_setup and _is_missing(path) else load_key(path)
     file = TimestampFile(path)
     signing = Signing(key, time.time(), now_s, file.load())
     if reserve:
         with suppress(OSError):  # the thread tries again, and reports it
             file.reserve(signing)
     return signing
+
+
+def _is_missing(path: Path) -> bool:
+    """Whether a key may be put there yet; what cannot be looked at is for `load_key` to refuse."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+    return False
 
 
 def peers_of(signing: Signing, excused: Source | None) -> Callable[[bytes], bool]:
