@@ -6,11 +6,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from module_process import SITE, arguments
+from module_process import AIRFRAME, SITE, arguments
 
 from tgl_soar.link.messages import Source
 from tgl_soar.onboard import process
-from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY, main
+from tgl_soar.onboard.process import (
+    EXIT_CANNOT_START,
+    EXIT_LINK_NOT_READY,
+    EXIT_NO_AUTOPILOT,
+    main,
+)
 
 
 def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
@@ -47,6 +52,21 @@ def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
     signing = ("--signing-key", key, "--allow-setup-signing")
     assert main(arguments("udp:127.0.0.1:1", "--no-guard", *signing)) == EXIT_CANNOT_START
     assert f"{key}: cannot be read: File name too long" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("log", ["none", "logs"])
+def test_files_whose_names_are_no_utf8_are_flown(
+    log: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "d\udcfcnn"  # as Python reads an umlaut of Latin-1
+    folder.mkdir()
+    airframe = folder / "a\udcfc.toml"
+    airframe.write_bytes(AIRFRAME.read_bytes())
+    files = ["--airframe", str(airframe), "--site", str(SITE), "--state", str(folder)]
+    where = log if log == "none" else str(folder / log)
+    ends = ["--log", where, "--lockstep", "--timeout", "0.5"]
+    assert main([*files, "--link", "udpout:127.0.0.1:9", *ends]) == EXIT_NO_AUTOPILOT
+    assert "d?nn/a?-tunnel" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("signs", [False, True])

@@ -8,7 +8,7 @@ import select
 
 def say(text: str) -> None:
     """A line on standard error, or none if nobody reads it: the loop must not wait."""
-    line = f"tgl_soar: {text}\n".encode()
+    line = f"tgl_soar: {text}\n".encode(errors="replace")  # a file's name may be no UTF-8
     try:
         if select.select([], [2], [], 0.0)[1]:
             os.write(2, line[: select.PIPE_BUF])

@@ -33,6 +33,7 @@ from tgl_soar.link.signing import Signing
 from tgl_soar.onboard.flightlog import disk, files
 from tgl_soar.onboard.flightlog.allowance import Allowance
 from tgl_soar.onboard.flightlog.declaration import STREAMS, TOPICS, record_size, unit_of
+from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata, preamble_of
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FLUSH_S, STATE_TICKS, FlightRecorder
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
@@ -50,6 +51,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def log(path: Path) -> FlightLog:
     return read_log(path)
+
+
+def test_a_name_that_is_no_utf8_stands_in_it_with_a_question_mark() -> None:
+    written = preamble_of(LogMetadata({"airframe_file": "/a\udcfc.toml"}, {"site": "\udcfc"}))
+    assert b"airframe_file/a?.toml" in written
+    assert written.endswith(b"char[1] site?")
 
 
 # --- the declaration and its page -------------------------------------------------------------

@@ -35,12 +35,17 @@ def preamble_of(metadata: LogMetadata) -> bytes:
     made = [message("B", bytes(40))]
     made += [message("F", topic.format.encode()) for topic in TOPICS.values()]
     for key, word in metadata.words.items():
-        made.append(message("I", _keyed(key, word.encode()[:_WORD_BYTES])))
+        made.append(message("I", _keyed(key, _bytes(word)[:_WORD_BYTES])))
     for key, text in metadata.texts.items():
         for at in range(0, max(1, len(text)), TEXT_CHARS):
-            piece = text[at : at + TEXT_CHARS].encode()
+            piece = _bytes(text[at : at + TEXT_CHARS])
             made.append(message("M", bytes([at > 0]) + _keyed(key, piece)))
     return b"".join(made)
+
+
+def _bytes(text: str) -> bytes:
+    """As it is written: of what is no UTF-8, as a file's name may be, question marks."""
+    return text.encode(errors="replace")
 
 
 def _keyed(key: str, value: bytes) -> bytes:
