@@ -10,6 +10,7 @@ from module_process import AIRFRAME, SITE, arguments
 
 from tgl_soar.link.messages import Source
 from tgl_soar.onboard import process
+from tgl_soar.onboard.command_line import options_of
 from tgl_soar.onboard.process import (
     EXIT_CANNOT_START,
     EXIT_LINK_NOT_READY,
@@ -52,6 +53,16 @@ def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
     signing = ("--signing-key", key, "--allow-setup-signing")
     assert main(arguments("udp:127.0.0.1:1", "--no-guard", *signing)) == EXIT_CANNOT_START
     assert f"{key}: cannot be read: File name too long" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("given", ["nan", "-1", "0", "inf", "-inf", "1e9", "soon", ""])
+def test_a_timeout_that_is_none_is_refused_with_what_is_allowed(
+    given: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        options_of(arguments("udp:127.0.0.1:1", f"--timeout={given}"))
+    assert ended.value.code == EXIT_CANNOT_START
+    assert f"{given}: must be a number of seconds above 0, 86400 at most" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("log", ["none", "logs"])

@@ -6,7 +6,7 @@ import argparse
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from tgl_soar.config.files import airframe_file, site_file
 from tgl_soar.config.parameter_store import state_folder
@@ -14,6 +14,8 @@ from tgl_soar.link.keys import UNSIGNED, Secret
 from tgl_soar.link.transport import FORMS
 from tgl_soar.onboard import pacing, realtime
 from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES
+
+TIMEOUT_MAX_S: Final = 86400.0  # a day: whoever waits for longer waits for good
 
 
 class RunOptions(NamedTuple):
@@ -91,7 +93,7 @@ def _add_flight(add: Callable[..., Any]) -> None:
     add("--lockstep", action="store_true", help="tick with the simulator's clock, not our own")
     add(
         "--timeout",
-        type=float,
+        type=_timeout,
         metavar="S",
         help="give up if no autopilot answers in this time",
     )
@@ -190,6 +192,17 @@ def _megabytes(text: str) -> int:
     if not 10.0 <= megabytes <= 1e9:
         raise argparse.ArgumentTypeError(f"{text}: must be a number of megabytes, 10 or more")
     return int(megabytes * 1e6)
+
+
+def _timeout(text: str) -> float:
+    try:
+        timeout_s = float(text)
+    except ValueError:
+        timeout_s = -1.0
+    if not 0.0 < timeout_s <= TIMEOUT_MAX_S:
+        words = f"must be a number of seconds above 0, {TIMEOUT_MAX_S:g} at most"
+        raise argparse.ArgumentTypeError(f"{text}: {words}; for no limit leave it out")
+    return timeout_s
 
 
 def _processor(text: str) -> int:
