@@ -454,6 +454,40 @@ def test_a_site_that_no_line_can_be_flown_at(
     assert str(caught.value).startswith(f"{s}: {starts}")
 
 
+LANDING = """
+[landing]
+x_m = 600.0
+z_m = 0.0
+bearing_deg = 270.0
+length_m = 40.0
+away_x_m = -10.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("airframe", "site", "words"),
+    [
+        ("", LANDING, "site.toml: landing.x_m = 600"),
+        ("", LANDING + "[parameters]\nLND_X = 601\n", "site.toml: parameters.LND_X = 601"),
+        ("[dynamics]\nshort_period_radps = 9e5\n", "", "dynamics.short_period_radps = 900000"),
+        (
+            "CL_alpha = 4.6\nCm_alpha = -0.9\nCm_q = -12.0\nCm_elevator = 9e5\n",
+            "",
+            "airframe.toml: DYN_EFFECT, which follows from [airframe], [model] and [polar]: ",
+        ),
+    ],
+)
+def test_a_refused_value_is_named_by_the_key_that_the_file_has(
+    airframe: str, site: str, words: str, tmp_path: Path
+) -> None:
+    place = SITE.partition("[parameters]")[0] if site else SITE
+    for name, text in (("airframe", AIRFRAME + airframe), ("site", place + site)):
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=re.escape(words)) as refused:
+        files.load_flight(tmp_path / "airframe.toml", tmp_path / "site.toml")
+    assert "allowed" in str(refused.value)
+
+
 def test_an_airframe_is_blamed_for_its_own_parameters(tmp_path: Path) -> None:
     a, s = written(tmp_path, AIRFRAME, "a.toml"), written(tmp_path, SITE, "s.toml")
     airframe = load_airframe(a)

@@ -57,6 +57,10 @@ class MeasuredDynamics(Strict, frozen=True):
     best_glide_mps: Positive | None = None
     command_delay_s: Positive | None = None
 
+    def keys(self) -> dict[str, str]:
+        """Of the parameters that are given, the key."""
+        return {name: key for key, name in _KEYS.items() if getattr(self, key) is not None}
+
 
 def dynamics_parameters(
     given: MeasuredDynamics,

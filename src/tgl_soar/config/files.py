@@ -77,7 +77,7 @@ def _meant(given: str | Path, folder: str) -> Path:
 def load_airframe(path: str | Path) -> Airframe:
     """Read an airframe file.  Errors: `ConfigError`."""
     airframe = load_file(path, Airframe, _AIRFRAMES)
-    _check_parameters(path, ParameterSet(), airframe.all_parameters())
+    _checked_airframe(path, airframe)
     return airframe
 
 
@@ -90,13 +90,9 @@ def load_parameters(
     airframe: Airframe, airframe_path: str | Path, site: Site, site_path: str | Path
 ) -> ParameterSet:
     """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
-    given = {**lateral_gains(airframe), **airframe.all_parameters()}
-    values = _check_parameters(airframe_path, ParameterSet(), given)
+    values = _checked_airframe(airframe_path, airframe)
     _check_against_airframe(airframe_path, values, airframe)
-    of_site = site.parameters
-    if site.landing is not None:
-        of_site = {**site.landing.parameters(), **of_site}
-    values = _check_parameters(site_path, values, of_site, preset_lines(site, values))
+    values = _checked_site(site_path, site, values)
     _check_against_airframe(site_path, values, airframe)
     for name, line in site.lines.items():
         try:
@@ -181,9 +177,47 @@ def line_parameters(line: Line) -> dict[str, float]:
     return changes
 
 
+def _checked_airframe(path: str | Path, airframe: Airframe) -> ParameterSet:
+    """The defaults with all that an airframe file gives.  Errors: `ConfigError`."""
+    given = {**lateral_gains(airframe), **airframe.all_parameters()}
+    follow = {name: _FOLLOWS for name in given if name not in airframe.parameters}
+    measured = {name: f"dynamics.{key}" for name, key in airframe.dynamics.keys().items()}
+    origins = {**follow, **{name: key for name, key in measured.items() if name in follow}}
+    return _check_parameters(path, ParameterSet(), given, origins)
+
+
+def _checked_site(path: str | Path, site: Site, values: ParameterSet) -> ParameterSet:
+    """Values with all that a site file gives.  Errors: `ConfigError`."""
+    given, origins = site.parameters, dict[str, str]()
+    if site.landing is not None:
+        keys = site.landing.keys()
+        origins = {name: f"landing.{key}" for name, key in keys.items() if name not in given}
+        given = {**site.landing.parameters(), **given}
+    return _check_parameters(path, values, given, origins, preset_lines(site, values))
+
+
+_FOLLOWS: Final = ""  # the origin of what no key of the file gives
+
+
+def _refusal(error: ParameterError, origins: Mapping[str, str]) -> str:
+    """By the key that the file has, or by what the value follows from."""
+    key = origins.get(error.name)
+    if key is None:
+        return f"parameters.{error}"
+    if key == _FOLLOWS:
+        tables = "[airframe], [model] and [polar]"
+        return f"{error.name}, which follows from {tables}: {error.value}: {error.reason}"
+    return f"{key} = {error.value}: {error.reason}"
+
+
 def _check_parameters(
-    path: str | Path, values: ParameterSet, changes: Mapping[str, float], presets: Presets = ()
+    path: str | Path,
+    values: ParameterSet,
+    changes: Mapping[str, float],
+    origins: Mapping[str, str],
+    presets: Presets = (),
 ) -> ParameterSet:
+    """Values with changes.  `origins`: what the file calls those that are not in `[parameters]`."""
     try:
         for name, value in changes.items():
             if name in INDEX and not PARAMETERS[INDEX[name]].in_files:
@@ -193,7 +227,7 @@ def _check_parameters(
         if result["TGL_PRESET"] != wanted:
             raise ParameterError("TGL_PRESET", f"{wanted:g}", _TWO_LINES)
     except ParameterError as error:
-        raise ConfigError(f"{path}: parameters.{error}") from None
+        raise ConfigError(f"{path}: {_refusal(error, origins)}") from None
     return result
 
 
@@ -226,7 +260,7 @@ def site_from(text: str, name: str) -> Site:
 def airframe_from(text: str, name: str) -> Airframe:
     """An airframe file's text, likewise.  Errors: `ConfigError`."""
     airframe = file_from(text, name, Airframe)
-    _check_parameters(name, ParameterSet(), airframe.all_parameters())
+    _checked_airframe(name, airframe)
     return airframe
 
 

@@ -182,6 +182,18 @@ class LandingStrip(Strict, frozen=True):
             "ESC_X": self.away_x_m,
         }
 
+    def keys(self) -> dict[str, str]:
+        """Of each of these, the key that gives it."""
+        return {
+            "LND_X": "x_m",
+            "LND_Y": "y_m",
+            "LND_Z": "z_m",
+            "LND_BEAR": "bearing_deg",
+            "LND_LEN": "length_m",
+            "ESC_BEAR": "bearing_deg" if self.escape_deg is None else "escape_deg",
+            "ESC_X": "away_x_m",
+        }
+
 
 class Tether(Strict, frozen=True):
     """A line from a fixed point to the simulated aircraft, which pulls while it is taut."""
