@@ -200,7 +200,7 @@ BAD_AIRFRAMES = [
     (
         "mass_kg = 0.7",
         "",
-        "airframe.mass_kg: missing; must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg: missing; must be a number from 1e-09 to 1e+06",
     ),
     (
         "aileron = { channel = 1 }",
@@ -210,37 +210,37 @@ BAD_AIRFRAMES = [
     (
         "mass_kg = 0.7",
         "mass_kg = true",
-        "airframe.mass_kg = true: must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg = true: must be a number from 1e-09 to 1e+06",
     ),
     (
         "mass_kg = 0.7",
         'mass_kg = "3"',
-        'airframe.mass_kg = "3": must be a number above 0 and up to 1e+06',
+        'airframe.mass_kg = "3": must be a number from 1e-09 to 1e+06',
     ),
     (
         "mass_kg = 0.7",
         "mass_kg = nan",
-        "airframe.mass_kg = nan: must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg = nan: must be a number from 1e-09 to 1e+06",
     ),
     (
         "mass_kg = 0.7",
         "mass_kg = inf",
-        "airframe.mass_kg = inf: must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg = inf: must be a number from 1e-09 to 1e+06",
     ),
     (
         "mass_kg = 0.7",
         "mass_kg = 0",
-        "airframe.mass_kg = 0: must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg = 0: must be a number from 1e-09 to 1e+06",
     ),
     (
         "mass_kg = 0.7",
         "mass_kg = 1" + 400 * "0",
-        "airframe.mass_kg = 1" + 36 * "0" + "...: must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg = 1" + 36 * "0" + "...: must be a number from 1e-09 to 1e+06",
     ),
     (
         "mass_kg = 0.7",
         "mass_kg = 2024-05-01",
-        "airframe.mass_kg = 2024-05-01: must be a number above 0 and up to 1e+06",
+        "airframe.mass_kg = 2024-05-01: must be a number from 1e-09 to 1e+06",
     ),
     ("c0 = 9.0", "c0 = nan", "polar.c0 = nan: must be a number from -1e+06 to 1e+06"),
     ("CL0 = 0.2", "CL0 = nan", "model.CL0 = nan: must be a number from -1e+06 to 1e+06"),
@@ -486,6 +486,48 @@ def test_a_refused_value_is_named_by_the_key_that_the_file_has(
     with pytest.raises(ConfigError, match=re.escape(words)) as refused:
         files.load_flight(tmp_path / "airframe.toml", tmp_path / "site.toml")
     assert "allowed" in str(refused.value)
+
+
+LATERAL = """
+gravity_mps2 = 9.81
+air_density_kgpm3 = 1.2
+servo_lag_radps = 54.0
+servo_delay_s = 0.01
+CL_alpha = 4.6
+Cm_alpha = -0.9
+Cm_q = -12.0
+Cm_elevator = 1.0
+Cl_p = -0.5
+Cl_aileron = 0.2
+Cn_beta = 0.1
+Cn_r = -0.1
+Cn_rudder = 0.1
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass_kg = 0.7", "mass_kg = 1e-308", "airframe.mass_kg = 1e-308: must be a number from"),
+        ("speed_min_mps = 7.5", "speed_min_mps = 1e-308", "polar.speed_min_mps = 1e-308: must be"),
+        ("density_kgpm3 = 1.2", "density_kgpm3 = 5e-324", "[polar]: a number is too small or"),
+        ("Cl_aileron = 0.2", "Cl_aileron = 0.2\nCD0 = 1.0\nCD_lift = 5e-324", "a number is too"),
+    ],
+)
+def test_numbers_that_nothing_can_be_computed_from_are_refused(
+    old: str, new: str, words: str, tmp_path: Path
+) -> None:
+    text = AIRFRAME + LATERAL
+    load_airframe(written(tmp_path, text, "good.toml"))
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        load_airframe(written(tmp_path, with_change(text, old, new)))
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path: Path) -> None:
+    """As some editors write it."""
+    marked = written(tmp_path, "\ufeff" + AIRFRAME)
+    assert load_airframe(marked) == load_airframe(written(tmp_path, AIRFRAME, "plain.toml"))
+    assert files.site_from("\ufeff" + SITE, "log").site.name == "hall"
 
 
 def test_an_airframe_is_blamed_for_its_own_parameters(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from msgspec.structs import force_setattr, replace
 from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
 from tgl_soar.config.glide_limits import pitch_limits, slowest_airspeed
 from tgl_soar.config.stall_limit import stall_limit
-from tgl_soar.config.strict import Finite, Positive, Strict, SystemId
+from tgl_soar.config.strict import Finite, Measured, Strict, SystemId
 from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
 
 Pwm = Annotated[int, Meta(ge=800, le=2200)]
@@ -147,13 +147,13 @@ class AirframeMetadata(Strict, frozen=True):
     """What can be read off the bench."""
 
     name: str
-    mass_kg: Positive
-    wing_area_m2: Positive
-    span_m: Positive
-    chord_m: Positive
-    ixx_kgm2: Positive
-    iyy_kgm2: Positive
-    izz_kgm2: Positive
+    mass_kg: Measured
+    wing_area_m2: Measured
+    span_m: Measured
+    chord_m: Measured
+    ixx_kgm2: Measured
+    iyy_kgm2: Measured
+    izz_kgm2: Measured
 
 
 class Polar(Strict, frozen=True):
@@ -163,8 +163,8 @@ class Polar(Strict, frozen=True):
     c1: Finite
     c2: Finite
     c3: Finite
-    speed_min_mps: Positive
-    speed_max_mps: Positive
+    speed_min_mps: Measured
+    speed_max_mps: Measured
 
     def __post_init__(self) -> None:
         if not self.speed_min_mps < self.speed_max_mps:

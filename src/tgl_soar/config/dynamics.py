@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from math import isfinite, sqrt
 from typing import Final
 
-from tgl_soar.config.strict import Positive, Strict
+from tgl_soar.config.strict import Measured, Strict
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
 USUAL_LAG_S: Final = 0.0185  # of a digital servo of this size, by 54 rad/s
@@ -46,16 +46,16 @@ _KEYS: Final = {
 class MeasuredDynamics(Strict, frozen=True):
     """`[dynamics]` of an airframe file; None: as the model has it."""
 
-    speed_mps: Positive | None = None  # at which the next four hold
-    short_period_radps: Positive | None = None
-    damping: Positive | None = None
-    elevator_effect_radps2: Positive | None = None
-    path_s: Positive | None = None
-    servo_s: Positive | None = None  # lag and delay together
-    servo_lag_s: Positive | None = None  # of that, the time constant
-    glide_ratio: Positive | None = None
-    best_glide_mps: Positive | None = None
-    command_delay_s: Positive | None = None
+    speed_mps: Measured | None = None  # at which the next four hold
+    short_period_radps: Measured | None = None
+    damping: Measured | None = None
+    elevator_effect_radps2: Measured | None = None
+    path_s: Measured | None = None
+    servo_s: Measured | None = None  # lag and delay together
+    servo_lag_s: Measured | None = None  # of that, the time constant
+    glide_ratio: Measured | None = None
+    best_glide_mps: Measured | None = None
+    command_delay_s: Measured | None = None
 
     def keys(self) -> dict[str, str]:
         """Of the parameters that are given, the key."""

@@ -179,7 +179,11 @@ def line_parameters(line: Line) -> dict[str, float]:
 
 def _checked_airframe(path: str | Path, airframe: Airframe) -> ParameterSet:
     """The defaults with all that an airframe file gives.  Errors: `ConfigError`."""
-    given = {**lateral_gains(airframe), **airframe.all_parameters()}
+    try:
+        given = {**lateral_gains(airframe), **airframe.all_parameters()}
+    except ArithmeticError:
+        reason = "a number is too small or too large for gains to be computed from it"
+        raise ConfigError(f"{path}: [airframe], [model] or [polar]: {reason}") from None
     follow = {name: _FOLLOWS for name in given if name not in airframe.parameters}
     measured = {name: f"dynamics.{key}" for name, key in airframe.dynamics.keys().items()}
     origins = {**follow, **{name: key for name, key in measured.items() if name in follow}}
@@ -266,7 +270,7 @@ def airframe_from(text: str, name: str) -> Airframe:
 
 def file_from(text: str, path: str | Path, kind: type[_File]) -> _File:
     """A file's text; path: what errors call it.  Errors: `ConfigError`."""
-    table = _table(text, path)
+    table = _table(text.removeprefix("\ufeff"), path)  # the mark that some editors begin with
     if issubclass(kind, Airframe):
         table = _with_model_kind(table, path)
     try:

@@ -8,6 +8,8 @@ from msgspec import Meta, Struct
 
 Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Meta(gt=0, le=1e6)]
+# Of an aircraft: smaller ones are mistakes, and what is computed from them no number any more.
+Measured = Annotated[float, Meta(ge=1e-9, le=1e6)]
 SystemId = Annotated[int, Meta(ge=1, le=255)]
 
 
