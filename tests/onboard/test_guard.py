@@ -338,7 +338,7 @@ def test_the_page_says_that_the_surfaces_are_back_before_the_disk_is_waited_for(
     store = ParameterStore(tmp_path / "f.params", Identity("a", "s"), ParameterSet())
     monkeypatch.setattr(store, "start", lambda: None)
     monkeypatch.setattr(store, "stop", ending.stop)
-    opened = process.Opened(setup, (), store=store)
+    opened = process.Opened(setup=setup, transports=(), store=store)
     options = RunOptions(airframe=AIRFRAME, site=SITE, links=(), lockstep=True)
     assert process._fly(opened, options, lambda: True, heartbeat) == EXIT_OK
     assert ending.done == [("module", True), ("store", False)]
