@@ -14,14 +14,16 @@ import pytest
 
 # Whole flights of the laws, in plain Python.
 LAWS = (
-    "autopilot/test_passage_in_tick.py", "autopilot/test_point_in_tick.py",
+    "autopilot/test_low_rule.py", "autopilot/test_passage_in_tick.py",
+    "autopilot/test_point_in_tick.py",
     "autopilot/test_power_in_tick.py", "autopilot/test_rangefinder_in_tick.py",
     "autopilot/test_stall_margin.py", "control/test_brake_shake.py", "control/test_brake_watch.py",
     "control/test_reported_faults.py", "estimation/test_cross_wind.py",
     "estimation/test_motion_filter.py", "estimation/test_wind.py",
     "onboard/test_attitude_route.py", "onboard/test_clocks_onboard.py",
     "onboard/test_duplicate_autopilot.py", "onboard/test_duplicates.py",
-    "onboard/test_excitation_switch.py", "onboard/test_receiver_watch.py",
+    "onboard/test_excitation_switch.py", "onboard/test_kept_wire.py",
+    "onboard/test_receiver_watch.py",
     "onboard/test_search_switch.py", "onboard/test_station_watch.py",
     "onboard/test_survey_switch.py", "sim/test_bridge.py", "sim/test_bridge_faults.py",
     "sim/test_closed_loop.py", "sim/test_frame_resets.py", "sim/test_gains_in_flight.py",
@@ -37,7 +39,7 @@ KERNELS = (
 # Other programs, the clock on the wall, a browser, hostile bytes, the docs as a site.
 PROCESSES = (
     "cli/page/test_page_for_a_day.py", "cli/test_native.py", "cli/test_standard_streams.py",
-    "docs/test_site.py", "fuzz/test_hostile.py", "peers/test_mavproxy_tgl.py",
+    "docs/test_site.py", "fuzz/test_fuzz.py", "fuzz/test_hostile.py", "peers/test_mavproxy_tgl.py",
     "peers/test_metadata.py", "sim/campaign/test_cluster.py", "tools/test_mutate.py",
     "tools/test_mutation_reach.py",
 )  # fmt: skip
@@ -54,23 +56,29 @@ ANALYSIS = (
     "analysis/experiments/outdoors/test_windy_hour.py", "analysis/experiments/test_catalogue.py",
     "analysis/experiments/test_concluded.py",
     "analysis/experiments/test_experiment_commands.py", "analysis/experiments/test_flights.py",
-    "analysis/experiments/test_plans.py", "analysis/logs/test_models_from_other_logs.py",
+    "analysis/experiments/test_mismatch.py", "analysis/experiments/test_plans.py",
+    "analysis/logs/test_models_from_other_logs.py",
     "analysis/rare/test_soaring_process.py", "analysis/rare/test_splitting.py",
-    "analysis/report/test_figures.py", "analysis/report/test_point_figure.py",
+    "analysis/replay/test_replay.py", "analysis/report/test_figures.py",
+    "analysis/report/test_point_figure.py",
     "analysis/test_drawn_contour.py", "analysis/test_identification.py",
     "analysis/test_identified_brake.py", "analysis/test_linear_model.py",
     "analysis/test_loop_response.py", "analysis/tuning/test_tune.py",
     "cli/test_rare_command.py", "tools/test_compare_cfd.py", "tools/test_gym_baseline.py",
+    "tools/test_mutations.py",
 )  # fmt: skip
 # What people do with it: commands, the page, logs and reports, several operators at once.
 PEOPLE = (
-    "analysis/logs/test_log_exports.py", "analysis/replay/test_replay.py",
-    "analysis/report/test_flight_report.py", "benchmarks/test_benchmark_page.py",
+    "analysis/logs/test_log_exports.py", "analysis/report/test_flight_report.py",
+    "benchmarks/test_benchmark_page.py",
     "cli/page/test_command.py", "cli/page/test_ghost.py", "cli/page/test_measured_air.py",
-    "cli/page/test_orders.py", "cli/page/test_server.py", "cli/test_help.py",
+    "cli/page/test_orders.py", "cli/page/test_server.py", "cli/page/test_station.py",
+    "cli/test_help.py",
     "cli/test_identify_command.py", "cli/test_init.py", "cli/test_params.py",
-    "cli/test_site_init.py", "cli/test_tune_command.py", "onboard/test_line_load.py",
+    "cli/test_site_init.py", "cli/test_tune_command.py", "onboard/flightlog/test_flight_log.py",
+    "onboard/test_line_load.py",
     "onboard/test_operator_slips.py", "onboard/test_operators.py",
+    "onboard/test_other_links.py",
 )  # fmt: skip
 PARTS: Final[dict[str, tuple[str, ...]]] = {
     "laws": LAWS,
