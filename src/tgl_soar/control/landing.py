@@ -15,8 +15,10 @@ and a place D ahead is reached with the height to spare
 
 with heights over the place and Vf the best glide's speed, at which it flares.  Speed gives its
 height back before that, but must be paid first: that is the other term.  **The escape condition**
-is that some V of the polar has left(V) >= spare, in u + 2 sigma and with no lift on the way: the
-moment before it ends is the last one to break off.
+is that some V of the polar has left(V) >= spare, in u + 2 sigma and c, and with no lift on the way:
+the moment before it ends is the last one to break off.  On the way home c is left out: while the
+nose goes from side to side its estimate is not good enough, and who believed it came down farther
+from the place (docs/outdoors.md).
 
 **The approach** is flown at the slowest V that still reaches the place, in the wind that is met:
 height that gets short becomes speed, and where the wind falls towards the ground it slows down
@@ -28,12 +30,11 @@ short of the place.
 speed loses it sooner but advances by more for each metre lost.  So where even the slowest V has
 height left over it weaves, down to FINAL_M: from side to side, b to either side of the approach,
 the nose off the wind by chi on the straight legs and turning through the wind between them, so
-that m(chi) of V is kept upwind on average (`control.weaving`).  The wind is that of both axes.
+that m(chi) of V is kept upwind on average (`control.weaving`).
 
 chi is the least that keeps no more than it may:
 
-    V m(chi) = W + v_d        W = |(u, c)|
-    v_d = D' s / h'           with D', h' as far as to the straight rest
+    V m(chi) = u + v_d        v_d = D' s / h'     with D', h' as far as to the straight rest
 
 and s its sink over the ground, averaged: where rising air slows that, it has more time.  v_d is of
 now and here: a wind that is wrong, or drag that nobody knows, changes D' / h', and chi follows.
@@ -41,7 +42,7 @@ Beyond the straight rest's beginning v_d is negative, and the weave comes back a
 of WEAVE_RAD and WEAVE_M 0.29 of V would be kept if the nose followed at once; as it follows, some
 0.65, so that it stands still in 5.5 m/s of wind.  In less what is too high flies over the place: to
 turn the nose farther, towards the slope, is the only other way, and is not done: it stays within 90
-degrees of the approach, and as far from downwind of the frame as WEAVE_RAD is.
+degrees of the approach.
 
 b is no more than there is height to come back from: WEAVE_WIDER h', WEAVE_M and the fence at most
 (up to FAST_M FAST_WIDER h', where it began low, and at the speed of an airspeed that is not
@@ -84,7 +85,7 @@ then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import asin, cos, exp, hypot, log, pi, radians, sin
+from math import asin, atan2, cos, exp, log, pi, radians, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.control.turning_airspeed import (
@@ -95,7 +96,7 @@ from tgl_soar.control.turning_airspeed import (
     turning_step,
 )
 from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
-from tgl_soar.control.wind_triangle import cross_wind, ground_speed, wind_veer
+from tgl_soar.control.wind_triangle import cross_wind, ground_speed
 from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 GRAVITY_MPS2: Final = 9.80665
@@ -108,8 +109,7 @@ POLAR_BY_MPS: Final = 0.8  # above the polar's slow end: a gust of 10 %
 # follows, the speed and the flare's beginning.
 FINAL_M: Final = 4.5
 STRAIGHT_BY_M: Final = 1.0  # below it the nose is to be upwind
-# From the wind, at most: cos 86 degrees; and from straight upwind, as 90 degrees are too many.
-WEAVE_RAD: Final = 1.5
+WEAVE_RAD: Final = 1.5  # from the wind, at most: cos 86 degrees, next to nothing of the speed
 WEAVE_LAG_S: Final = 1.4  # the nose and the path follow their setpoint by so much later
 TURNS_BY_MPS: Final = 0.6  # slower than wanted by more than that it does not turn
 # Off the approach, at most.  Narrower it turns too often, and in each turn it looks upwind and goes
@@ -316,9 +316,9 @@ def escape_height(params: LandingParams, vehicle: VehicleState, air: AirEstimate
     return max(-DEEP_M, best - params.spare_m) if high > low else NAN
 
 
-def float_length(params: LandingParams, wind_mps: float, cross_wind_mps: float) -> float:
+def float_length(params: LandingParams, wind_mps: float) -> float:
     """How much farther than a glide a flare goes [m]; 0 where it gets nowhere against the wind."""
-    v = ground_speed(params.best_glide_mps, wind_mps, cross_wind_mps, params.place.bearing_rad)
+    v = ground_speed(params.best_glide_mps, wind_mps, 0.0, params.place.bearing_rad)
     return FLOAT_S * v if v > 0.0 else 0.0  # false for NaN
 
 
@@ -335,13 +335,13 @@ def approach_speed(
         and distance + height + air.wind_mps + air.airspeed_mps < INFINITE
     ):
         return params.best_glide_mps
-    wind, cross = air.wind_mps, cross_wind(air)
-    distance -= float_length(params, wind, cross)
+    wind = air.wind_mps
+    distance -= float_length(params, wind)
     best, best_speed, before = -INFINITE, low, -INFINITE
     step = (high - low) / (SPEEDS - 1)
     for k in range(SPEEDS):
         speed = low + step * k
-        left = height_left(params, distance, height, air.airspeed_mps, speed, wind, cross)
+        left = height_left(params, distance, height, air.airspeed_mps, speed, wind, 0.0)
         if left >= 0.0:
             if k > 0 and before > -INFINITE:
                 speed -= step * left / (left - before)
@@ -365,14 +365,14 @@ def weave(
 
     sinks_mps: how it sinks over the ground, averaged; NaN: not known.  fast: see `half_width`.
     """
-    place, wind, cross = params.place, air.wind_mps, cross_wind(air)
+    place, wind = params.place, air.wind_mps
     height = vehicle.z_m - place.z_m - FINAL_M
-    final_mps = ground_speed(params.best_glide_mps, wind, cross, place.bearing_rad)
+    final_mps = ground_speed(params.best_glide_mps, wind, 0.0, place.bearing_rad)
     final_sink = polar_sink(params.polar, params.best_glide_mps)
     sink = polar_sink(params.polar, speed_mps)
     if not final_sink > 0.0:  # no polar is known there
         return 0.0
-    distance = along(place, vehicle.x_m, vehicle.y_m) - float_length(params, wind, cross)
+    distance = along(place, vehicle.x_m, vehicle.y_m) - float_length(params, wind)
     distance -= FINAL_M * final_mps / final_sink
     if not (height > 0.0 and sink > 0.0 and distance < INFINITE):
         return 0.0
@@ -383,7 +383,6 @@ def weave(
     straight_s = (height + STRAIGHT_BY_M) / sink  # until it is to look upwind again
     most = max(0.0, min(WEAVE_RAD, WEAVE_RADPS * straight_s, to_abeam(place, goes_right, air)))
     width = half_width(params, height, fast)
-    wind = hypot(wind, cross) if wind > 0.0 else wind
     angle = weave_angle((wind + advance) / speed_mps, width, speed_mps, most)
     if angle < WEAVE_MIN_RAD:
         return 0.0
@@ -391,11 +390,11 @@ def weave(
 
 
 def to_abeam(place: LandingPlace, goes_right: bool, air: AirEstimate) -> float:
-    """How far off the wind [rad] the nose is abeam of the approach, or WEAVE_RAD from straight
-    upwind: no farther, or it looks at the slope."""
-    veer, side = wind_veer(air), 1.0 if goes_right else -1.0
-    off = veer - place.bearing_rad if air.wind_mps > 0.0 else 0.0
-    return min(pi / 2.0 - side * off, WEAVE_RAD - side * veer)
+    """How far off straight upwind [rad] the nose may go: to abeam of the approach, else it looks at
+    the slope; and on the side from which the wind comes no farther off that."""
+    side = 1.0 if goes_right else -1.0
+    veer = atan2(-cross_wind(air), air.wind_mps) if air.wind_mps > 0.0 else 0.0
+    return pi / 2.0 + side * place.bearing_rad - max(0.0, side * veer)
 
 
 def half_width(params: LandingParams, over_m: float, fast: bool) -> float:
@@ -568,17 +567,16 @@ def glide_wish(
         return GlideWish(pitch, 0.0, 0.0, 0.0)
     if state.weave_rad != 0.0:
         steeper = _steeper(params, state, vehicle, air)
-        heading = wind_veer(air) + state.weave_rad
-        return GlideWish(pitch, heading, speed * sin(heading) + cross_wind(air), steeper)
+        return GlideWish(pitch, state.weave_rad, speed * sin(state.weave_rad), steeper)
     bearing = params.escape_rad if outward else params.place.bearing_rad
     wind = air.wind_mps if air.wind_mps == air.wind_mps else 0.0
-    drift = cross_wind(air)
-    forward = ground_speed(speed, wind, drift, bearing)
+    forward = ground_speed(speed, wind, 0.0, bearing)
     forward = forward if forward >= ADVANCE_MPS else ADVANCE_MPS
     sideways = forward * sin(bearing)
     if not outward:
         back = -across(params.place, vehicle.x_m, vehicle.y_m) / CROSS_S
         sideways += max(-CROSS_MPS, min(CROSS_MPS, back)) * cos(bearing)
+    drift = cross_wind(air)
     heading = asin(max(-1.0, min(1.0, (sideways - drift) / max(speed, 1.0))))
     most = params.heading_max_rad
     return GlideWish(pitch, max(-most, min(most, heading)), sideways, 0.0)

@@ -1,11 +1,11 @@
 """The wind triangle: over the ground along a bearing, in a wind along both axes.
 
-Bearings and veer from straight upwind of the soaring frame, positive to the right.
+Bearings from straight upwind of the soaring frame, positive to the right.
 """
 
 from __future__ import annotations
 
-from math import atan2, cos, sin, sqrt
+from math import cos, sin, sqrt
 
 from tgl_soar.types import NAN, AirEstimate
 
@@ -23,9 +23,3 @@ def ground_speed(
 def cross_wind(air: AirEstimate) -> float:
     """c [m/s], to the right; 0 where it is not known."""
     return air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
-
-
-def wind_veer(air: AirEstimate) -> float:
-    """Where the wind comes from [rad], from straight upwind, positive to the right; 0 where it
-    comes from behind."""
-    return atan2(-cross_wind(air), air.wind_mps) if air.wind_mps > 0.0 else 0.0
