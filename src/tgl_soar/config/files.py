@@ -184,9 +184,10 @@ def _checked_airframe(path: str | Path, airframe: Airframe) -> ParameterSet:
     except ArithmeticError:
         reason = "a number is too small or too large for gains to be computed from it"
         raise ConfigError(f"{path}: [airframe], [model] or [polar]: {reason}") from None
-    follow = {name: _FOLLOWS for name in given if name not in airframe.parameters}
     measured = {name: f"dynamics.{key}" for name, key in airframe.dynamics.keys().items()}
-    origins = {**follow, **{name: key for name, key in measured.items() if name in follow}}
+    origins = {
+        name: measured.get(name, _FOLLOWS) for name in given if name not in airframe.parameters
+    }
     return _check_parameters(path, ParameterSet(), given, origins)
 
 

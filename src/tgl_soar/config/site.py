@@ -171,16 +171,7 @@ class LandingStrip(Strict, frozen=True):
 
     def parameters(self) -> dict[str, float]:
         """As the module takes it."""
-        escape = self.bearing_deg if self.escape_deg is None else self.escape_deg
-        return {
-            "LND_X": self.x_m,
-            "LND_Y": self.y_m,
-            "LND_Z": self.z_m,
-            "LND_BEAR": self.bearing_deg,
-            "LND_LEN": self.length_m,
-            "ESC_BEAR": escape,
-            "ESC_X": self.away_x_m,
-        }
+        return {name: getattr(self, key) for name, key in self.keys().items()}
 
     def keys(self) -> dict[str, str]:
         """Of each of these, the key that gives it."""

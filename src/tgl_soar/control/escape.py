@@ -41,13 +41,13 @@ def escape_step(
     params: LandingParams,
     state: EscapeState,
     flying: bool,
-    lands: bool,
+    goes_home: bool,
     position_ok: bool,
     vehicle: VehicleState,
     air: AirEstimate,
     dt_s: float,
 ) -> EscapeState:
-    """One tick of the watch.  flying: in the air and in control; lands: it is on its way home.
+    """One tick of the watch.  flying: in the air and in control; goes_home: it is on its way there.
 
     Without a position the height is not known: what the estimate coasts to must end no flight.
     """
@@ -57,7 +57,7 @@ def escape_step(
     speed2 = vehicle.velocity_x_mps * vehicle.velocity_x_mps
     speed2 += vehicle.velocity_y_mps * vehicle.velocity_y_mps
     speed2 += vehicle.climb_mps * vehicle.climb_mps
-    still = lands and position_ok and speed2 < STILL_MPS * STILL_MPS
+    still = goes_home and position_ok and speed2 < STILL_MPS * STILL_MPS
     still_s = state.still_s if still and state.still_s <= now else now
     left = escape_height(params, vehicle, air) if position_ok else NAN
     if left != left:

@@ -121,10 +121,10 @@ def passage_step(
             line_rests=not line.moving,
         )
         began = launch_step(laws.launch, began, launching, view, dt_s)
-    in_air, lands = not launching or is_aloft(began), modes.goes_home(mode)
+    in_air, goes_home = not launching or is_aloft(began), modes.goes_home(mode)
     sure, air = knows_place(laws, estimates), estimates.air
-    escape = escape_step(laws.landing, state.escape, in_air, lands, sure, vehicle, air, dt_s)
-    glide = state.glide if modes.goes_home(mode) else NO_GLIDE
+    escape = escape_step(laws.landing, state.escape, in_air, goes_home, sure, vehicle, air, dt_s)
+    glide = state.glide if goes_home else NO_GLIDE
     lull = _lull_step(laws, state.lull, mode, estimates, dt_s)
     return PassageState(launch=began, escape=escape, glide=glide, lull=lull)
 
