@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, wait
 from pathlib import Path
 
 import pytest
 from cheap_flights import CheapJob, cheap_jobs, fly_cheaply
 
+from tgl_soar.sim.campaign import executors
 from tgl_soar.sim.campaign.executors import (
     ALONE_AFTER,
     DEATHS_MOST,
@@ -30,6 +33,48 @@ def test_results_are_those_of_the_jobs_in_their_order(executor: Executor, size: 
     run(fly_cheaply, jobs, executor, kept, size=size)
     assert kept.results() == [fly_cheaply(job) for job in jobs]
     assert kept.flown == 50
+
+
+@pytest.mark.parametrize("place", ["wait", "submit"])
+def test_ctrl_c_waits_for_the_pool(place: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose locks it would leave taken."""
+    owner = executors if place == "wait" else ProcessPoolExecutor
+    whole = getattr(owner, place)
+    ended = []
+
+    def interrupted(*args: object) -> object:
+        signal.raise_signal(signal.SIGINT)
+        result = whole(*args)
+        ended.append(result)
+        return result
+
+    monkeypatch.setattr(owner, place, interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        fly_all(fly_cheaply, cheap_jobs(9), LocalProcesses(2))
+    assert ended
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_is_left_alone_where_it_was_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*args: object) -> object:
+        signal.raise_signal(signal.SIGINT)
+        return wait(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(executors, "wait", interrupted)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        flown = fly_all(fly_cheaply, cheap_jobs(9), LocalProcesses(2))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert flown == [fly_cheaply(job) for job in cheap_jobs(9)]
+
+
+def test_flights_in_another_thread() -> None:
+    """Which may set no signal's handler."""
+    with ThreadPoolExecutor() as pool:
+        flown = pool.submit(fly_all, fly_cheaply, cheap_jobs(9), LocalProcesses(1)).result()
+    assert flown == [fly_cheaply(job) for job in cheap_jobs(9)]
 
 
 def test_nothing_to_fly() -> None:

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import connection, get_all_start_methods, get_context, parent_process
 from multiprocessing.context import BaseContext
 from typing import Any, Final, Protocol
@@ -25,6 +26,7 @@ AHEAD: Final = 2  # shards handed to each worker: one that is flown and one that
 # again among others, then alone, and only who kills worker after worker alone is given up.
 ALONE_AFTER: Final = 2
 DEATHS_MOST: Final = 5
+LOOK_S: Final = 0.2  # between two looks at whether Ctrl-C was pressed
 
 Fly = Callable[[Any], Any]
 Results = Generator[tuple[Shard, list[Any]], None, None]
@@ -103,11 +105,12 @@ class LocalProcesses:
         flying: dict[Future[list[Any]], Shard] = {}
         try:
             while True:
-                for shard in queue.take():
-                    flying[pool.submit(_fly_shard, shard.jobs)] = shard
+                with _interrupts_later():
+                    for shard in queue.take():
+                        flying[pool.submit(_fly_shard, shard.jobs)] = shard
+                    done, _ = wait(flying, LOOK_S, FIRST_COMPLETED)
                 if not flying:
                     return
-                done, _ = wait(flying, return_when=FIRST_COMPLETED)
                 for future in done:
                     results = future.result()
                     shard = flying.pop(future)
@@ -197,6 +200,26 @@ class ShardQueue:
 def local(workers: int) -> Executor:
     """So many processes; 0: this one."""
     return InLine() if workers == 0 else LocalProcesses(workers)
+
+
+@contextmanager
+def _interrupts_later() -> Iterator[None]:
+    """Ctrl-C acts at the end.
+
+    The pool shares locks with a thread of its own.  A KeyboardInterrupt between the taking of one
+    and the statement that gives it back leaves it taken, and the shutdown waits for ever.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # which no signal interrupts
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _context() -> BaseContext:
