@@ -10,6 +10,7 @@ from test_landing import DT, PARAMS, POLAR, SLOWEST, at, pitched
 from test_landing import air as any_air
 
 from tgl_soar.control import landing
+from tgl_soar.control.airspeed_error import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
 from tgl_soar.control.landing import (
     NO_GLIDE,
     GlideState,
@@ -19,7 +20,6 @@ from tgl_soar.control.landing import (
     slowest_known,
     steeper_bank,
 )
-from tgl_soar.control.turning_airspeed import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
 from tgl_soar.types import AirEstimate, polar_sink
 
 PLACE_FAR = PARAMS._replace(place=PARAMS.place._replace(x_m=-80.0))
@@ -54,7 +54,7 @@ def flown_home(misread_mps: float, *, z_m: float, measured: bool = False) -> Flo
         met = air(airspeed_mps=read, wind_mps=wind_mps + misread_mps)._replace(measured=measured)
         state, _ = glide_step(params, state, False, True, vehicle, met, z_m, False, DT)
         wish = glide_wish(params, state, False, True, pitched(0.0), vehicle, met, z_m)
-        told = min(0.0, airspeed_error(state.turning))
+        told = min(0.0, airspeed_error(state.airspeed_error))
         true_mps += (state.speed_mps - read - told) * DT / 1.5
         psi += (wish.heading_rad - psi) * DT / 0.9
         path += (1.0 - exp(-DT / NOSE_S)) * (sin(psi) - path)
@@ -72,8 +72,8 @@ def flown_home(misread_mps: float, *, z_m: float, measured: bool = False) -> Flo
 def test_an_airspeed_that_is_read_too_high_is_found_out_on_the_way(misread_mps: float) -> None:
     """From 20 m, before the straight rest: what remains is what is expected of no error."""
     flown = flown_home(misread_mps, z_m=20.0)
-    assert error_sigma(flown.state.turning) < SPREAD_MPS / 2.0
-    assert airspeed_error(flown.state.turning) == pytest.approx(-misread_mps, abs=0.4)
+    assert error_sigma(flown.state.airspeed_error) < SPREAD_MPS / 2.0
+    assert airspeed_error(flown.state.airspeed_error) == pytest.approx(-misread_mps, abs=0.4)
     assert 0.4 < flown.nose_rad < 1.5
     assert abs(flown.y_m) < 9.0  # and CROSS_MPS goes on for 3 s
 
@@ -88,7 +88,10 @@ def test_read_too_high_it_flies_faster_than_it_would_without_turning() -> None:
 def test_what_is_measured_is_neither_looked_for_nor_corrected() -> None:
     flown = flown_home(1.8, z_m=8.0, measured=True)
     assert flown.nose_rad < 0.1
-    assert flown.state.turning == NO_GLIDE.turning or flown.state.turning.weight == 0.0
+    assert (
+        flown.state.airspeed_error == NO_GLIDE.airspeed_error
+        or flown.state.airspeed_error.weight == 0.0
+    )
 
 
 def looked(height_m: float, state: GlideState = NO_GLIDE, **changes: Any) -> GlideState:
@@ -106,9 +109,9 @@ def test_it_looks_while_there_is_height_and_the_airspeed_is_not_known() -> None:
     assert looked(high - 0.2).weave_rad == 0.0
     assert looked(high).weave_rad > 0.0  # near its end it is narrow
     assert looked(high, measured=True).weave_rad == 0.0
-    told = NO_GLIDE.turning._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
+    told = NO_GLIDE.airspeed_error._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
     assert error_sigma(told) < landing.LOOK_MPS
-    assert looked(high, NO_GLIDE._replace(turning=told)).weave_rad == 0.0
+    assert looked(high, NO_GLIDE._replace(airspeed_error=told)).weave_rad == 0.0
     assert looked(high, airspeed_mps=nan).weave_rad == 0.0
     assert looked(high, airspeed_mps=SLOWEST - 1.0).weave_rad == 0.0  # slow: no turn
 
@@ -144,10 +147,10 @@ def test_at_the_best_glide_it_weaves_wider_near_the_ground() -> None:
 
 def test_the_nose_goes_down_by_what_turning_has_told() -> None:
     """And not up: an airspeed that is read too low is safe."""
-    slow = NO_GLIDE.turning._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
+    slow = NO_GLIDE.airspeed_error._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
     found = []
     for by_both in (-9.0, 0.0, 9.0):
-        state = NO_GLIDE._replace(speed_mps=9.2, turning=slow._replace(by_both=by_both))
+        state = NO_GLIDE._replace(speed_mps=9.2, airspeed_error=slow._replace(by_both=by_both))
         pitches = pitched(-0.04, slowest_rad=0.3)
         found += [glide_wish(PARAMS, state, False, True, pitches, at(), air(), inf).pitch_rad]
     error = -9.0 * error_sigma(slow) ** 2
@@ -176,9 +179,13 @@ def steeper(
     over_m: float, *, weave_rad: float = 0.9, by_nose2: float = 1.0, **changes: Any
 ) -> float:
     """What a wish has of it at a height over the straight rest; by_nose2: what turns have told."""
-    told = NO_GLIDE.turning._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=by_nose2)
+    told = NO_GLIDE.airspeed_error._replace(
+        nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=by_nose2
+    )
     stalled = changes.pop("stalled", False)
-    state = NO_GLIDE._replace(speed_mps=9.2, weave_rad=weave_rad, turning=told, stalled=stalled)
+    state = NO_GLIDE._replace(
+        speed_mps=9.2, weave_rad=weave_rad, airspeed_error=told, stalled=stalled
+    )
     high = at(x_m=-14.0, z_m=PARAMS.place.z_m + landing.FINAL_M + over_m)
     wish = glide_wish(PARAMS, state, False, True, pitched(-0.04), high, air(**changes), inf)
     return wish.steeper
@@ -200,7 +207,7 @@ def test_it_banks_steeper_high_up_alone() -> None:
 def test_it_banks_no_steeper_where_that_may_stall_it_or_is_of_no_use() -> None:
     """Not before turns have told the airspeed; and the weave of a measured one stays as it was."""
     for by_nose2, is_known in ((0.5, False), (0.6, True)):
-        told = NO_GLIDE.turning._replace(nose=0.0, weight=40.0, by_nose2=by_nose2)
+        told = NO_GLIDE.airspeed_error._replace(nose=0.0, weight=40.0, by_nose2=by_nose2)
         assert (error_sigma(told) <= landing.STEEP_MPS) == is_known
         assert (steeper(20.0, by_nose2=by_nose2) > 0.0) == is_known
     assert steeper(20.0, stalled=True) == 0.0

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from tgl_soar.estimation.attitude_track import PREDICT_MAX_S
 from tgl_soar.estimation.motion import motion_quality, motion_step
 from tgl_soar.estimation.motion_state import (
     FUTURE_S,
@@ -20,7 +21,6 @@ from tgl_soar.estimation.motion_state import (
     MotionState,
     initial_motion,
 )
-from tgl_soar.estimation.turning import PREDICT_MAX_S
 from tgl_soar.geometry import (
     SoaringFrame,
     ned_from_soaring,

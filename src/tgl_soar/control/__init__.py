@@ -16,7 +16,7 @@ Deciding
 
 Other ways to fly
   passage              launch, way home and landing in a tick: launch, landing, weaving, escape,
-                       turning_airspeed, wind_triangle
+                       airspeed_error, wind_triangle
   point                the point on the line in a tick: brake, brake_watch, brake_shake
   power                a propeller in a tick: throttle
   search/, survey      looking for lift;  drawing the contour

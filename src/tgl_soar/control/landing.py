@@ -63,7 +63,7 @@ like speed, in a weave and near the stall, and to slow down for it is how a stal
 pitch is certain to some tenths of a degree and keeps V by itself.
 
 **What is not measured may be wrong**: without a pitot tube V is what turns have shown it to be
-(`control.turning_airspeed`), with a standard deviation sigma, and the wind is as much less as V is.
+(`control.airspeed_error`), with a standard deviation sigma, and the wind is as much less as V is.
 Then the slowest V is the best glide's, and as long as sigma is more than LOOK_MPS it looks: its
 nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABOVE_M over the
 straight rest.  In slow turns it goes on upwind: with a sigma of STEEP_MPS or less it may bank by
@@ -88,12 +88,12 @@ from __future__ import annotations
 from math import asin, atan2, cos, exp, log, pi, radians, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.control.turning_airspeed import (
-    NO_TURNING,
-    TurningState,
-    air_by_turning,
+from tgl_soar.control.airspeed_error import (
+    NO_AIRSPEED_ERROR,
+    AirspeedErrorState,
+    airspeed_error_step,
     airspeed_sigma,
-    turning_step,
+    corrected_air,
 )
 from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
 from tgl_soar.control.wind_triangle import cross_wind, ground_speed
@@ -215,7 +215,7 @@ class GlideState(NamedTuple):
     stalling_s: float  # for so long it has looked like a stall
     recovers_s: float  # so long the nose stays down
     stalled: bool  # it has, on this way home
-    turning: TurningState  # what turns have shown of the airspeed, where it is not measured
+    airspeed_error: AirspeedErrorState  # as turns have shown it, where it is not measured
     from_high: bool  # it has come from more than HIGH_M
 
 
@@ -246,7 +246,7 @@ NO_GLIDE: Final = GlideState(
     stalling_s=0.0,
     recovers_s=0.0,
     stalled=False,
-    turning=NO_TURNING,
+    airspeed_error=NO_AIRSPEED_ERROR,
     from_high=False,
 )
 
@@ -423,10 +423,10 @@ def glide_step(
     not known.  nose_held: it stays below its setpoint with all of the elevator that there is.
     """
     known = position_ok and params.place.length_m > 0.0
-    turning = state.turning
+    airspeed_error = state.airspeed_error
     if position_ok and not air.measured:
-        turning = turning_step(turning, vehicle, air.airspeed_mps, dt_s)
-    air = air_by_turning(turning, air)
+        airspeed_error = airspeed_error_step(airspeed_error, vehicle, air.airspeed_mps, dt_s)
+    air = corrected_air(airspeed_error, air)
     low, high = slowest_known(params, air.measured), params.polar.speed_max_mps
     wanted = approach_speed(params, low, vehicle, air) if known else params.best_glide_mps
     state = _stall_step(params, state, position_ok, nose_held, vehicle, dt_s)
@@ -445,7 +445,7 @@ def glide_step(
     elif known and not outward:
         if wanted <= low:
             weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air, fast)
-        looks = over_m > LOOK_ABOVE_M and airspeed_sigma(turning, air) > LOOK_MPS
+        looks = over_m > LOOK_ABOVE_M and airspeed_sigma(airspeed_error, air) > LOOK_MPS
         if looks:
             most = max(abs(weaves), min(LOOK_RAD, to_abeam(params.place, goes_right, air)))
             weaves = most if goes_right else -most
@@ -476,7 +476,7 @@ def glide_step(
         stalling_s=state.stalling_s,
         recovers_s=state.recovers_s,
         stalled=state.stalled,
-        turning=turning,
+        airspeed_error=airspeed_error,
         from_high=from_high,
     )
     return state, air.airspeed_mps if flares else speed
@@ -546,7 +546,7 @@ def glide_wish(
     clearance_m: float,
 ) -> GlideWish:
     """What follows of it."""
-    air = air_by_turning(state.turning, air)
+    air = corrected_air(state.airspeed_error, air)
     known = pitches.wanted_rad == pitches.wanted_rad  # not NaN
     pitch = pitches.wanted_rad if known else params.glide_pitch_rad
     pitch += state.integral_rad
@@ -586,7 +586,7 @@ def _steeper(
     params: LandingParams, state: GlideState, vehicle: VehicleState, air: AirEstimate
 ) -> float:
     """By how much of itself the largest bank of a weave may be more: 0 … STEEPER."""
-    if air.measured or state.stalled or airspeed_sigma(state.turning, air) > STEEP_MPS:
+    if air.measured or state.stalled or airspeed_sigma(state.airspeed_error, air) > STEEP_MPS:
         return 0.0
     over_m = vehicle.z_m - params.place.z_m - FINAL_M - STEEP_ABOVE_M
     return STEEPER * max(0.0, min(1.0, over_m / STEEP_WITHIN_M))

@@ -8,7 +8,7 @@ Position and velocity
   ground_range         the height by a rangefinder
 
 Attitude and air
-  turning              attitude between samples;  body_axes: axes and motion along them
+  attitude_track       attitude between samples;  body_axes: axes and motion along them
   wind                 airspeed, angle of attack, wind, updraft;  cross_wind: its direction
   aerodynamics         lift, drag, trim;  polar: the glide polar, fitted and read
   lift_map/            the field of the wind around the aircraft

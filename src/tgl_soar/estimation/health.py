@@ -7,7 +7,7 @@ it as first-order averages over AVERAGED samples:
     frozen      the same bits again for longer than a limit. On the ground a source that says that
                 it stands still (velocities or rates of exactly zero) may; in flight nothing does
     jump        further than JUMP_M + JUMP_MPS dt, or turned further than an aircraft turns
-                (`turning.is_turn`)
+                (`attitude_track.is_turn`)
     not finite  a number that is none
     backwards   a stamp earlier than the one before: reordered, or the source's clock was reset
     wrong       position: its changes are not its velocities, averaged over FRAME_S (the frames
@@ -33,8 +33,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tgl_soar.estimation.attitude_track import is_turn
 from tgl_soar.estimation.motion_state import FUTURE_S, MotionState
-from tgl_soar.estimation.turning import is_turn
 from tgl_soar.types import (
     NAN,
     AttitudeSample,

@@ -4,9 +4,9 @@ Accelerations move an inertial track from sample to sample (`inertial_track`):
 
     a = R(roll, pitch, heading) f + g
 
-f the specific force, turned by the attitude (`turning`) into the soaring frame.  A Kalman filter
-(`fix_filter`) estimates from fix to fix, each at the time when it was *true*, the error of the
-track and the bias of the accelerations.  The state is track plus error, at any time
+f the specific force, turned by the attitude (`attitude_track`) into the soaring frame.  A Kalman
+filter (`fix_filter`) estimates from fix to fix, each at the time when it was *true*, the error of
+the track and the bias of the accelerations.  The state is track plus error, at any time
 (`motion_state`); a late fix costs no more than one in time, as long as the track remembers its
 time; a later one is refused.  Which fixes are accepted stands in `position_fixes`.
 
@@ -14,8 +14,8 @@ Without accelerations the track goes straight on and the filter assumes an unkno
 a given size: a constant-velocity model.  Accelerations are used from IMU_STEADY_S after they have
 become frequent enough until they stop.
 
-An attitude turned further than an aircraft can turn since the last used (`turning.is_turn`) is
-refused, until `OUTLIERS_ACCEPTED` in a row agree.
+An attitude turned further than an aircraft can turn since the last used (`attitude_track.is_turn`)
+is refused, until `OUTLIERS_ACCEPTED` in a row agree.
 
 A sample that is not finite, is no rotation, comes from the future, or is not later than the
 one before is refused and counted.  Where the one before lies in the future itself, the clock has
@@ -27,6 +27,16 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 from typing import Final
 
+from tgl_soar.estimation.attitude_track import (
+    NO_ATTITUDE_TRACK,
+    PREDICT_MAX_S,
+    AttitudeTrack,
+    is_rotation,
+    is_turn,
+    rates_follow,
+    turned_by,
+    turned_to,
+)
 from tgl_soar.estimation.inertial_track import Track, new_track, track_at, track_moved
 from tgl_soar.estimation.motion_state import (
     FUTURE_S,
@@ -46,16 +56,6 @@ from tgl_soar.estimation.motion_state import (
     track_errors_at,
 )
 from tgl_soar.estimation.position_fixes import take_fix
-from tgl_soar.estimation.turning import (
-    NO_ATTITUDE_TRACK,
-    PREDICT_MAX_S,
-    AttitudeTrack,
-    is_rotation,
-    is_turn,
-    rates_follow,
-    turned_by,
-    turned_to,
-)
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import (
     GRAVITY_MPS2,
@@ -189,7 +189,7 @@ def _at(state: MotionState, time_s: float) -> VehicleState:
     x, y, z, vx, vy, climb = track_at(state.track, time_s)
     dx, dy, dz, dvx, dvy, d_climb = track_errors_at(state, time_s)
     turned_s, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, _, _, _, _ = (
-        state.turning
+        state.attitude_track
     )
     turn = max(0.0, min(PREDICT_MAX_S, time_s - turned_s))
     return VehicleState(
@@ -214,21 +214,23 @@ def _carried(
 ) -> MotionState:
     """Attitude and track carried on with what is new of attitudes, gyros and accelerations."""
     now = inputs.time_s
-    attitude, imu, turning = state.attitude, state.imu, state.turning
+    attitude, imu, attitude_track = state.attitude, state.imu, state.attitude_track
     track, errors, inertial = state.track, state.errors, state.inertial
     switched_s, rejected = state.switched_s, state.rejected
 
     sample = inputs.attitude
     if sample.sequence != attitude.sequence:
-        attitude, turning = _take_attitude(frame, attitude, turning, sample, now)
+        attitude, attitude_track = _take_attitude(frame, attitude, attitude_track, sample, now)
         if attitude.used.sequence != sample.sequence:
             rejected += 1
 
     force = inputs.imu
     if force.sequence != imu.sequence:
         if _is_force(force) and is_later(force.time_s, imu.time_s, now):
-            turning = turned_by(turning, force)
-            imu, track, inertial = _take_imu(gains, imu, turning, track, inertial, force, now)
+            attitude_track = turned_by(attitude_track, force)
+            imu, track, inertial = _take_imu(
+                gains, imu, attitude_track, track, inertial, force, now
+            )
         else:
             imu = LastImu(force.sequence, imu.time_s, imu.since_s, imu.interval_s)
             rejected += 1
@@ -246,7 +248,7 @@ def _carried(
     return MotionState(
         track=track,
         errors=errors,
-        turning=turning,
+        attitude_track=attitude_track,
         inertial=inertial,
         switched_s=switched_s,
         imu=imu,
@@ -265,19 +267,19 @@ def _carried(
 def _take_attitude(
     frame: SoaringFrame,
     latest: LastAttitude,
-    turning: AttitudeTrack,
+    attitude_track: AttitudeTrack,
     sample: AttitudeSample,
     now_s: float,
 ) -> tuple[LastAttitude, AttitudeTrack]:
     """The last attitudes, and the attitude, with a new sample taken in or refused."""
     if not (is_rotation(sample) and is_later(sample.time_s, latest.time_s, now_s)):
-        return latest._replace(sequence=sample.sequence), turning
+        return latest._replace(sequence=sample.sequence), attitude_track
     starts = not latest.time_s <= now_s + FUTURE_S  # the first, or the clock has gone back
     count, refused = latest.refused_in_a_row, latest.refused
     interval = sample.time_s - (refused.time_s if count > 0 else latest.time_s)
     if not starts and not is_turn(latest.used, sample, interval):
         if interval <= 0.0:  # again, over another link
-            return latest._replace(sequence=sample.sequence), turning
+            return latest._replace(sequence=sample.sequence), attitude_track
         count = count + 1 if count > 0 and is_turn(refused, sample, interval) else 1
         if count < OUTLIERS_ACCEPTED:
             return LastAttitude(
@@ -286,7 +288,7 @@ def _take_attitude(
                 used=latest.used,
                 refused=sample,
                 refused_in_a_row=count,
-            ), turning
+            ), attitude_track
         starts = True
     accepted = LastAttitude(
         sequence=sample.sequence,
@@ -301,7 +303,7 @@ def _take_attitude(
         sample = sample._replace(
             roll_rate_frd_radps=NAN, pitch_rate_frd_radps=NAN, yaw_rate_frd_radps=NAN
         )
-    return accepted, turned_to(frame, turning, sample)
+    return accepted, turned_to(frame, attitude_track, sample)
 
 
 def _is_force(sample: ImuSample) -> bool:
@@ -316,7 +318,7 @@ def _is_force(sample: ImuSample) -> bool:
 def _take_imu(
     gains: MotionGains,
     latest: LastImu,
-    turning: AttitudeTrack,
+    attitude_track: AttitudeTrack,
     track: Track,
     inertial: bool,
     sample: ImuSample,
@@ -325,7 +327,7 @@ def _take_imu(
     """The last sample, the track at its time, and whether it moves by accelerations."""
     _, last_s, since_s, average = latest
     time_s = sample.time_s
-    turn, interval = time_s - turning.time_s, time_s - last_s
+    turn, interval = time_s - attitude_track.time_s, time_s - last_s
     counts = gains.use_imu and abs(turn) <= PREDICT_MAX_S and now_s - time_s <= IMU_SILENT_S
     if interval <= IMU_GAP_S:  # false for NaN, the first
         average += INTERVAL_FRACTION * (interval - average)
@@ -334,7 +336,7 @@ def _take_imu(
     latest = LastImu(sample.sequence, time_s, since_s, average)
     if not counts or not (inertial or time_s - since_s >= IMU_STEADY_S):
         return latest, track, inertial
-    ax, ay, az = _acceleration(turning, turn, sample)
+    ax, ay, az = _acceleration(attitude_track, turn, sample)
     if inertial and time_s > track.time_s:
         return latest, track_moved(track, time_s, ax, ay, az), True
     if time_s > track.time_s:  # it went straight on until now
@@ -343,13 +345,13 @@ def _take_imu(
 
 
 def _acceleration(
-    turning: AttitudeTrack, turn_s: float, sample: ImuSample
+    attitude_track: AttitudeTrack, turn_s: float, sample: ImuSample
 ) -> tuple[float, float, float]:
     """Acceleration [m/s²] in the soaring frame of a specific force."""
     fx, fy, fz = sample.force_x_frd_mps2, sample.force_y_frd_mps2, sample.force_z_frd_mps2
-    roll = turning.roll_rad + turn_s * turning.roll_rate_radps
-    pitch = turning.pitch_rad + turn_s * turning.pitch_rate_radps
-    heading = turning.heading_rad + turn_s * turning.heading_rate_radps
+    roll = attitude_track.roll_rad + turn_s * attitude_track.roll_rate_radps
+    pitch = attitude_track.pitch_rad + turn_s * attitude_track.pitch_rate_radps
+    heading = attitude_track.heading_rad + turn_s * attitude_track.heading_rate_radps
     sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
     sh, ch = sin(heading), cos(heading)
     level, right = sr * fy + cr * fz, cr * fy - sr * fz  # after roll

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tgl_soar.estimation.attitude_track import NO_ATTITUDE_TRACK, AttitudeTrack
 from tgl_soar.estimation.fix_filter import (
     Covariance,
     Errors,
@@ -18,7 +19,6 @@ from tgl_soar.estimation.fix_filter import (
     spread,
 )
 from tgl_soar.estimation.inertial_track import Place, Track, new_track
-from tgl_soar.estimation.turning import NO_ATTITUDE_TRACK, AttitudeTrack
 from tgl_soar.types import NAN, NO_ATTITUDE, AttitudeSample
 
 FUTURE_S: Final = 0.05  # a time stamp may be this far ahead of the tick: clock mapping is not exact
@@ -126,7 +126,7 @@ class MotionState(NamedTuple):
 
     track: Track
     errors: Errors  # at the time of the last fix used, or since
-    turning: AttitudeTrack
+    attitude_track: AttitudeTrack
     inertial: bool  # the track moves by accelerations
     switched_s: float  # since when it does, or does not; NaN: it never did
     imu: LastImu
@@ -155,7 +155,7 @@ def initial_motion() -> MotionState:
             *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, 0.0, 0.0, 0.0),
             Covariance(pp=NAN, pv=NAN, pb=NAN, vv=NAN, vb=NAN, bb=NAN),
         ),
-        turning=NO_ATTITUDE_TRACK,
+        attitude_track=NO_ATTITUDE_TRACK,
         inertial=False,
         switched_s=NAN,
         imu=LastImu(0, NAN, NAN, IMU_INTERVAL_S),

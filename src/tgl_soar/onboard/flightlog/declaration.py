@@ -129,6 +129,8 @@ _NAMED: Final = {
     "EstimatorMemory.imu_weight": "imu_share",
     "Output.imu_weight": "imu_share",
     "WindState.posterior": "wind_belief",
+    "MotionState.attitude_track": "motion_turning",
+    "GlideState.airspeed_error": "passage_glide_turning",
     "LineTracking.e_rho_m": "e_rho_m",
     "LineTracking.e_rho_rate_mps": "e_rho_rate_mps",
 }

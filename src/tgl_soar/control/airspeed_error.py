@@ -42,7 +42,7 @@ APART_MPS: Final = 30.0  # at most, of v_y: no wind across in which anything of 
 ERROR_MPS: Final = 2.0 * SPREAD_MPS  # at most: the rest is no misread attitude
 
 
-class TurningState(NamedTuple):
+class AirspeedErrorState(NamedTuple):
     """What is remembered of the turns so far."""
 
     nose: float  # s; NaN: none yet
@@ -54,7 +54,7 @@ class TurningState(NamedTuple):
     by_both: float  # W_sy
 
 
-NO_TURNING: Final = TurningState(
+NO_AIRSPEED_ERROR: Final = AirspeedErrorState(
     nose=NAN,
     sideways_mps=NAN,
     weight=0.0,
@@ -65,9 +65,9 @@ NO_TURNING: Final = TurningState(
 )
 
 
-def turning_step(
-    state: TurningState, vehicle: VehicleState, airspeed_mps: float, dt_s: float
-) -> TurningState:
+def airspeed_error_step(
+    state: AirspeedErrorState, vehicle: VehicleState, airspeed_mps: float, dt_s: float
+) -> AirspeedErrorState:
     """One tick.  airspeed_mps: as estimated; where anything is not known the state stays."""
     known = vehicle.heading_rad + vehicle.velocity_y_mps + airspeed_mps
     if not (isfinite(known) and dt_s > 0.0):
@@ -83,7 +83,7 @@ def turning_step(
     unlike = vehicle.velocity_y_mps - sideways
     if not abs(unlike) < APART_MPS:
         return state
-    return TurningState(
+    return AirspeedErrorState(
         nose=nose,
         sideways_mps=sideways,
         weight=keeps * state.weight + counts,
@@ -94,7 +94,7 @@ def turning_step(
     )
 
 
-def error_variance(state: TurningState) -> float:
+def error_variance(state: AirspeedErrorState) -> float:
     """sigma² [m²/s²] of d."""
     told = 0.0
     if state.weight > 0.0:
@@ -102,7 +102,7 @@ def error_variance(state: TurningState) -> float:
     return 1.0 / (told + 1.0 / (SPREAD_MPS * SPREAD_MPS))
 
 
-def airspeed_error(state: TurningState) -> float:
+def airspeed_error(state: AirspeedErrorState) -> float:
     """d [m/s]: the true airspeed less the estimate."""
     if not state.weight > 0.0:
         return 0.0
@@ -110,17 +110,17 @@ def airspeed_error(state: TurningState) -> float:
     return max(-ERROR_MPS, min(ERROR_MPS, error_variance(state) * slope))
 
 
-def error_sigma(state: TurningState) -> float:
+def error_sigma(state: AirspeedErrorState) -> float:
     """sigma [m/s] of d."""
     return sqrt(error_variance(state))
 
 
-def airspeed_sigma(state: TurningState, air: AirEstimate) -> float:
+def airspeed_sigma(state: AirspeedErrorState, air: AirEstimate) -> float:
     """Standard deviation [m/s] of the airspeed; 0: it is measured, which turns tell nothing of."""
     return 0.0 if air.measured else error_sigma(state)
 
 
-def air_by_turning(state: TurningState, air: AirEstimate) -> AirEstimate:
+def corrected_air(state: AirspeedErrorState, air: AirEstimate) -> AirEstimate:
     """The air with an airspeed that is no faster than turns have shown, and a wind less by as much:
     the ground velocity is measured."""
     if air.measured:

@@ -8,17 +8,17 @@ from random import Random
 
 import pytest
 
-from tgl_soar.control.turning_airspeed import (
+from tgl_soar.control.airspeed_error import (
     FADE_S,
     GUST_MPS,
     GUST_S,
-    NO_TURNING,
+    NO_AIRSPEED_ERROR,
     NOSE_S,
     SPREAD_MPS,
-    TurningState,
+    AirspeedErrorState,
     airspeed_error,
+    airspeed_error_step,
     error_sigma,
-    turning_step,
 )
 from tgl_soar.types import VehicleState
 
@@ -52,8 +52,8 @@ def flown(
     across_mps: float = 0.0,
     gust_mps: float = 0.0,
     seed: int = 1,
-    state: TurningState = NO_TURNING,
-) -> TurningState:
+    state: AirspeedErrorState = NO_AIRSPEED_ERROR,
+) -> AirspeedErrorState:
     """An aircraft whose path follows its nose, tick by tick."""
     path, blows = sin(nose(0.0)), gusts(Random(seed), gust_mps)
     for k in range(round(seconds / DT)):
@@ -61,7 +61,7 @@ def flown(
         path += (1.0 - exp(-DT / NOSE_S)) * (sin(psi) - path)
         sideways = across_mps + next(blows) + true_mps * path
         vehicle = STRAIGHT._replace(time_s=k * DT, heading_rad=psi, velocity_y_mps=sideways)
-        state = turning_step(state, vehicle, told_mps, DT)
+        state = airspeed_error_step(state, vehicle, told_mps, DT)
     return state
 
 
@@ -98,8 +98,8 @@ def test_straight_flight_tells_nothing() -> None:
         state = flown(20.0, 7.5, 9.3, nose, across_mps=2.0, gust_mps=GUST_MPS)
         assert airspeed_error(state) == pytest.approx(0.0, abs=1e-6)
         assert error_sigma(state) == pytest.approx(SPREAD_MPS)
-    assert airspeed_error(NO_TURNING) == 0.0
-    assert error_sigma(NO_TURNING) == pytest.approx(SPREAD_MPS)
+    assert airspeed_error(NO_AIRSPEED_ERROR) == 0.0
+    assert error_sigma(NO_AIRSPEED_ERROR) == pytest.approx(SPREAD_MPS)
 
 
 def test_what_was_told_fades() -> None:
@@ -111,7 +111,7 @@ def test_what_was_told_fades() -> None:
     assert error_sigma(woven) < error_sigma(later) < error_sigma(much_later) < SPREAD_MPS
 
 
-@pytest.mark.parametrize("state", [NO_TURNING, flown(4.0, 7.5, 9.3)])
+@pytest.mark.parametrize("state", [NO_AIRSPEED_ERROR, flown(4.0, 7.5, 9.3)])
 @pytest.mark.parametrize(
     ("heading_rad", "sideways_mps", "airspeed_mps", "dt_s"),
     [
@@ -120,22 +120,28 @@ def test_what_was_told_fades() -> None:
     ],
 )
 def test_what_is_not_known_changes_nothing(
-    state: TurningState, heading_rad: float, sideways_mps: float, airspeed_mps: float, dt_s: float
+    state: AirspeedErrorState,
+    heading_rad: float,
+    sideways_mps: float,
+    airspeed_mps: float,
+    dt_s: float,
 ) -> None:
     vehicle = STRAIGHT._replace(heading_rad=heading_rad, velocity_y_mps=sideways_mps)
-    assert repr(turning_step(state, vehicle, airspeed_mps, dt_s)) == repr(state)  # NaN is not NaN
+    assert repr(airspeed_error_step(state, vehicle, airspeed_mps, dt_s)) == repr(
+        state
+    )  # NaN is not NaN
     assert isfinite(airspeed_error(state) + error_sigma(state))
 
 
 def test_it_does_not_matter_how_often_it_is_asked() -> None:
     """Half as many ticks count twice as much each."""
-    state = NO_TURNING
+    state = NO_AIRSPEED_ERROR
     path = 0.0
     for k in range(1600):
         psi = weaving(k * 2.0 * DT)
         path += (1.0 - exp(-2.0 * DT / NOSE_S)) * (sin(psi) - path)
         vehicle = STRAIGHT._replace(heading_rad=psi, velocity_y_mps=7.5 * path)
-        state = turning_step(state, vehicle, 9.3, 2.0 * DT)
+        state = airspeed_error_step(state, vehicle, 9.3, 2.0 * DT)
     often = flown(16.0, 7.5, 9.3)
     assert airspeed_error(state) == pytest.approx(airspeed_error(often), abs=0.01)
     assert error_sigma(state) == pytest.approx(error_sigma(often), rel=0.01)

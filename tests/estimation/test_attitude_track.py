@@ -6,7 +6,7 @@ from math import cos, nan, pi, sin
 
 import pytest
 
-from tgl_soar.estimation.turning import TURN_RAD, TURN_RADPS, is_turn
+from tgl_soar.estimation.attitude_track import TURN_RAD, TURN_RADPS, is_turn
 from tgl_soar.types import NO_ATTITUDE, AttitudeSample
 
 

@@ -122,7 +122,9 @@ def rates_follow(before: AttitudeSample, after: AttitudeSample) -> bool:
     )
 
 
-def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSample) -> AttitudeTrack:
+def turned_to(
+    frame: SoaringFrame, attitude_track: AttitudeTrack, sample: AttitudeSample
+) -> AttitudeTrack:
     """The attitude with a sample, later than the last one, taken in."""
     unit = 1.0 / _length(sample)
     half = 0.5 * frame.wind_from_rad
@@ -139,8 +141,11 @@ def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSampl
     roll, pitch, heading = euler_from_quaternion(qw, qx, qy, qz)
     time_s = sample.time_s
     p, q, r = sample.roll_rate_frd_radps, sample.pitch_rate_frd_radps, sample.yaw_rate_frd_radps
-    before_s, before_roll = turning.before_s, turning.before_roll_rad
-    before_pitch, before_heading = turning.before_pitch_rad, turning.before_heading_rad
+    before_s, before_roll = attitude_track.before_s, attitude_track.before_roll_rad
+    before_pitch, before_heading = (
+        attitude_track.before_pitch_rad,
+        attitude_track.before_heading_rad,
+    )
     roll_rate, pitch_rate, heading_rate = 0.0, 0.0, 0.0
     has_rates = is_rate(p, q, r)
     if has_rates:
@@ -152,25 +157,25 @@ def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSampl
             pitch_rate = (pitch - before_pitch) / interval
             heading_rate = wrap_angle(heading - before_heading) / interval
         elif 0.0 < interval < DIFFERENCE_MIN_S:
-            roll_rate, pitch_rate = turning.roll_rate_radps, turning.pitch_rate_radps
-            heading_rate = turning.heading_rate_radps
+            roll_rate, pitch_rate = attitude_track.roll_rate_radps, attitude_track.pitch_rate_radps
+            heading_rate = attitude_track.heading_rate_radps
         if not 0.0 < interval < DIFFERENCE_MIN_S:
             before_s, before_roll, before_pitch, before_heading = time_s, roll, pitch, heading
-    ahead = turning.time_s - time_s
+    ahead = attitude_track.time_s - time_s
     if (
-        turning.by_gyros
+        attitude_track.by_gyros
         and -PREDICT_MAX_S < ahead <= PREDICT_MAX_S
         and (ahead >= 0.0 or not has_rates)
     ):
         # The gyros are ahead of the sample, or they alone give rates.
-        _, _, _, _, gyro_roll, gyro_pitch, gyro_heading, _, _, _, _, _ = turning
+        _, _, _, _, gyro_roll, gyro_pitch, gyro_heading, _, _, _, _, _ = attitude_track
         if ahead >= 0.0:
             by_rates = 0.5 * ahead if has_rates else 0.0
             rest = ahead - by_rates
             roll += by_rates * roll_rate + rest * gyro_roll
             pitch += by_rates * pitch_rate + rest * gyro_pitch
             heading += by_rates * heading_rate + rest * gyro_heading
-            time_s = turning.time_s
+            time_s = attitude_track.time_s
         roll_rate, pitch_rate, heading_rate = gyro_roll, gyro_pitch, gyro_heading
     return AttitudeTrack(
         time_s=time_s,
@@ -180,7 +185,7 @@ def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSampl
         roll_rate_radps=roll_rate,
         pitch_rate_radps=pitch_rate,
         heading_rate_radps=heading_rate,
-        by_gyros=turning.by_gyros and time_s == turning.time_s,
+        by_gyros=attitude_track.by_gyros and time_s == attitude_track.time_s,
         before_s=before_s,
         before_roll_rad=before_roll,
         before_pitch_rad=before_pitch,
@@ -188,13 +193,13 @@ def turned_to(frame: SoaringFrame, turning: AttitudeTrack, sample: AttitudeSampl
     )
 
 
-def turned_by(turning: AttitudeTrack, sample: ImuSample) -> AttitudeTrack:
+def turned_by(attitude_track: AttitudeTrack, sample: ImuSample) -> AttitudeTrack:
     """The attitude carried on to a later sample of the gyros, if it has rates."""
     p, q, r = sample.roll_rate_frd_radps, sample.pitch_rate_frd_radps, sample.yaw_rate_frd_radps
-    h = sample.time_s - turning.time_s
+    h = sample.time_s - attitude_track.time_s
     if not (is_rate(p, q, r) and 0.0 <= h <= PREDICT_MAX_S):
-        return turning
-    _, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, s, a, b, c = turning
+        return attitude_track
+    _, roll, pitch, heading, roll_rate, pitch_rate, heading_rate, _, s, a, b, c = attitude_track
     p, q, r = euler_rates(roll + h * roll_rate, pitch + h * pitch_rate, p, q, r)
     half = 0.5 * h
     return AttitudeTrack(
