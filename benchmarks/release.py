@@ -1,4 +1,4 @@
-"""From a reason to let go to the last frame that commands a surface.
+"""From a reason to disengage to the last frame that commands a surface.
 
 In the module, tick by tick, for everything that it can know by itself; and for the whole process,
 by the clock, when it is told to end and when it is killed.  The reference is two ticks.
@@ -100,7 +100,7 @@ def _last_command_s(cause: Callable[[ModuleFlight], None]) -> float:
             return last - begun
         if pulses:
             last = flight.now_s
-    raise AssertionError("it did not let go")
+    raise AssertionError("it did not disengage")
 
 
 def known_inside() -> Iterator[Result]:

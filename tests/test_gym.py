@@ -144,7 +144,7 @@ def test_what_the_module_hands_over_ends_the_episode() -> None:
     """Full throw downwards is a dive: upset, off the line or too low within two seconds."""
     time_s, why = dive(compile=False)
     assert time_s < 2.0
-    assert why.startswith(("let go: ", "hit the board at x "))
+    assert why.startswith(("disengaged: ", "hit the board at x "))
 
 
 def test_what_is_hit_is_said_with_its_place() -> None:

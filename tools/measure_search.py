@@ -4,7 +4,7 @@
     python tools/measure_search.py ardupilot override --firmware .../bin/arduplane
     python tools/measure_search.py builtin
 
-From each of `STARTS` and with each seed the aircraft is let go, the module is told to search
+From each of `STARTS` and with each seed the aircraft is released, the module is told to search
 (SRCH_START) and to fly on for `STAY_S` after it has found a place.  Position by the firmware's own
 estimator and satellites, 1 % turbulence.  By the truth:
 

@@ -294,7 +294,7 @@ def test_the_first_command_is_the_trim_and_nothing_jumps() -> None:
     assert abs(flight.outputs[1].command.elevator - laws.trim.elevator) < 0.02
 
 
-def test_the_operator_lets_go() -> None:
+def test_the_operator_disengages() -> None:
     flight = soaring()
     flight.engage = False
     flight.fly(0.1)
@@ -306,7 +306,7 @@ def test_the_operator_lets_go() -> None:
     assert flight.changes()[2:] == [("capturing", "engaged")]
 
 
-# --- what it is refused, and what it lets go for ----------------------------------------------
+# --- what it is refused, and what it disengages for ----------------------------------------------
 
 
 def no_position(_: int, inputs: Inputs) -> Inputs:
@@ -397,7 +397,7 @@ def frozen(field: str, flight: Flight) -> Spoil:
         ("autopilot", LAWS.health.heartbeat_age_max_s, "autopilot silent"),
     ],
 )
-def test_it_lets_go_of_a_silent_input_when_its_age_says(
+def test_it_disengages_for_a_silent_input_when_its_age_says(
     field: str, limit: float, reason: str
 ) -> None:
     flight = soaring()
@@ -431,7 +431,7 @@ def pitched(_: int, inputs: Inputs) -> Inputs:
         (pitched, REFUSALS[4][1]),
     ],
 )
-def test_it_lets_go_at_once(fault: Spoil, reason: str) -> None:
+def test_it_disengages_at_once(fault: Spoil, reason: str) -> None:
     flight = soaring()
     flight.laws = laws_with(TILT_MAX=25.0)  # less than what no aircraft can turn by in a tick
     flight.fly(0.05, fault)
@@ -440,7 +440,7 @@ def test_it_lets_go_at_once(fault: Spoil, reason: str) -> None:
     assert not flight.outputs[0].active
 
 
-def test_it_lets_go_of_a_line_that_it_has_lost() -> None:
+def test_it_disengages_from_a_line_that_it_has_lost() -> None:
     # Blown 1.6 m downstream between two fixes.
     def blown(_: int, inputs: Inputs) -> Inputs:
         p = inputs.position
@@ -876,7 +876,7 @@ def test_after_the_clock_has_gone_back_it_can_be_engaged_again() -> None:
 
 
 @pytest.mark.parametrize("now", [nan, inf, -inf])
-def test_a_tick_without_a_time_lets_go(now: float) -> None:
+def test_a_tick_without_a_time_disengages(now: float) -> None:
     def spoil(k: int, inputs: Inputs) -> Inputs:
         return inputs._replace(time_s=now) if k == 5 else inputs
 

@@ -70,7 +70,7 @@ def flown(
     return flight, left_m, values["CLEAR_MIN"]
 
 
-NOWHERE = "let go: no place to settle on this line"
+NOWHERE = "disengaged: no place to settle on this line"
 
 
 @pytest.mark.parametrize(

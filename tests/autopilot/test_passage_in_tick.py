@@ -409,7 +409,7 @@ def test_a_dead_reckoned_position_is_enough_for_the_way_home_and_not_to_be_engag
         assert bool(entry_lacks(laws, state, inputs, output) & POSITION_SANE) == reckons
 
 
-def test_beyond_the_fence_downstream_the_way_home_lets_go() -> None:
+def test_beyond_the_fence_downstream_the_way_home_disengages() -> None:
     flown = soaring()
     flown.loop.change({"ESC_START": 1.0})
     flown.fly(0.5)
@@ -456,7 +456,7 @@ def test_a_bearing_that_cannot_be_flown_is_no_place(name: str) -> None:
         assert (laws.landing.place.length_m > 0.0) == known
 
 
-def test_the_end_on_the_ground_lets_go() -> None:
+def test_the_end_on_the_ground_disengages() -> None:
     flown = soaring()
     flown.loop.change({"ESC_START": 1.0})
     flown.fly(90.0)

@@ -193,7 +193,7 @@ def test_a_place_that_is_lost_closes_it() -> None:
     assert output.throttle.share == 0.0
 
 
-def test_who_lets_go_closes_it_and_keeps_the_account() -> None:
+def test_who_disengages_closes_it_and_keeps_the_account() -> None:
     loop = loop_of(30.0)
     while not (loop.output is not None and loop.output.throttle.used_s > 0.2):
         loop.tick()

@@ -119,7 +119,7 @@ def test_what_flies_evidently_is_in_no_hand() -> None:
     assert Launched().look(5.0, clearance_m=9.0, position_ok=False).standing == launch.HELD
 
 
-def test_velocity_sees_what_is_only_let_go_and_no_imu_is_needed() -> None:
+def test_velocity_sees_what_is_only_released_and_no_imu_is_needed() -> None:
     assert Launched().look().look(push=nan, upwind_mps=1.6).standing == launch.THROWN
     held = Launched().look().look(0.5, push=nan, upwind_mps=1.6, position_ok=False)
     assert held.standing == launch.HELD

@@ -91,7 +91,7 @@ def test_a_fence_that_is_not_set_is_reported() -> None:
 
 
 @pytest.mark.parametrize("flying", [False, True])
-def test_a_point_that_slips_is_refused_and_one_can_always_be_let_go(flying: bool) -> None:
+def test_a_point_that_slips_is_refused_and_one_can_always_be_released(flying: bool) -> None:
     there = station(LineBounds(EDGE, GROUND), (), TGL_HOLD=1.0)
     there.set("TGL_ALONG", -17.0, flying=flying)
     assert there.shown["TGL_ALONG"] == 0.0

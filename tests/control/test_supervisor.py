@@ -163,7 +163,7 @@ def test_no_mode_keeps_the_surfaces_without_what_is_vital(mode: int) -> None:
     flies = np.isin(everything.to, FLYING)
     assert np.all(everything.has(VITAL)[flies])
     assert np.any(flies)
-    # And lets go whenever it ends: surfaces and setpoints both.
+    # And hands over whenever it ends: surfaces and setpoints both.
     assert np.all(everything.action[~flies] == s.HAND_OVER)
 
 
@@ -323,7 +323,7 @@ def test_the_way_home_ends_over_the_slope_and_blind(mode: int) -> None:
         assert not np.any(flies & everything.lacks(lost))
 
 
-def test_a_launch_that_is_given_up_breaks_off_in_the_air_and_lets_go_in_the_hand() -> None:
+def test_a_launch_that_is_given_up_breaks_off_in_the_air_and_disengages_in_the_hand() -> None:
     everything = walk(s.LAUNCHING)
     thrown = everything.has(VITAL | s.INSIDE_FENCE | s.THROW_AWAITED | s.THROWN)
     assert set(np.unique(everything.to[thrown]).tolist()) == {
@@ -334,13 +334,13 @@ def test_a_launch_that_is_given_up_breaks_off_in_the_air_and_lets_go_in_the_hand
         assert np.all(everything.to[held & everything.lacks(lost)] == s.RELEASED)
 
 
-def test_an_operator_who_lets_go_is_received_in_every_flying_mode() -> None:
+def test_an_operator_who_disengages_is_received_in_every_flying_mode() -> None:
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     for mode in FLYING:
         assert next_mode(mode, healthy) == Decision(s.STANDBY, s.HAND_OVER, s.REASON_OPERATOR)
 
 
-def test_a_fault_is_reported_even_where_the_operator_lets_go_in_the_same_tick() -> None:
+def test_a_fault_is_reported_even_where_the_operator_disengages_in_the_same_tick() -> None:
     # Worst first: the log shall not say "operator disengaged" of a command that was no number.
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     faults = (
@@ -401,10 +401,10 @@ FAULT_ROWS = [
     (0, s.UPWIND, s.RELEASED, s.HAND_OVER, s.REASON_DOWNWIND),
 ]
 BREAK_ROW = (s.BREAK_OFF, 0, s.BREAKING_OFF, s.NOTHING, s.REASON_BREAK)
-LET_GO = (s.RELEASED, s.HAND_OVER)
+RELEASES = (s.RELEASED, s.HAND_OVER)
 HOME_ROWS = [
-    (0, s.INSIDE_LEE, *LET_GO, s.REASON_FENCE),
-    (0, s.NOT_BLIND, *LET_GO, s.REASON_POSITION_LOST),
+    (0, s.INSIDE_LEE, *RELEASES, s.REASON_FENCE),
+    (0, s.NOT_BLIND, *RELEASES, s.REASON_POSITION_LOST),
     (
         s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED,
         *(0, s.CAPTURING, s.NEW_LINE, s.REASON_SOAR_ON),
@@ -464,10 +464,10 @@ FLYING_ROWS = {
         ),
     ],
     s.LAUNCHING: [
-        (0, s.INSIDE_FENCE, *LET_GO, s.REASON_FENCE),
-        (0, s.THROW_AWAITED, *LET_GO, s.REASON_NO_THROW),
-        (0, s.THROWN | s.LAUNCH, *LET_GO, s.REASON_LAUNCH_OFF),
-        (0, s.THROWN | s.POSITION_KEPT, *LET_GO, s.REASON_POSITION_LOST),
+        (0, s.INSIDE_FENCE, *RELEASES, s.REASON_FENCE),
+        (0, s.THROW_AWAITED, *RELEASES, s.REASON_NO_THROW),
+        (0, s.THROWN | s.LAUNCH, *RELEASES, s.REASON_LAUNCH_OFF),
+        (0, s.THROWN | s.POSITION_KEPT, *RELEASES, s.REASON_POSITION_LOST),
         (s.THROWN | s.BREAK_OFF, 0, *GIVEN_UP, s.REASON_BREAK),
         (0, s.THROWN_LEVEL, *GIVEN_UP, s.REASON_STEEP),
         (0, s.SPEED_GAINED, *GIVEN_UP, s.REASON_NO_SPEED),
@@ -478,10 +478,10 @@ FLYING_ROWS = {
     ],
     s.BREAKING_OFF: [
         *HOME_ROWS,
-        (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED),
+        (s.ON_GROUND, 0, *RELEASES, s.REASON_LANDED),
         (s.AWAY | s.SETTLED, 0, s.LANDING, s.NOTHING, s.REASON_AWAY),
     ],
-    s.LANDING: [*HOME_ROWS, (s.ON_GROUND, 0, *LET_GO, s.REASON_LANDED)],
+    s.LANDING: [*HOME_ROWS, (s.ON_GROUND, 0, *RELEASES, s.REASON_LANDED)],
 }
 
 
@@ -841,7 +841,7 @@ def test_a_short_gap_keeps_the_line(gap_s: float, action: int) -> None:
     assert decision == Decision(s.CAPTURING, action, s.REASON_POSITION_BACK)
 
 
-def test_a_restart_or_a_disarming_in_flight_lets_go_and_stays_so() -> None:
+def test_a_restart_or_a_disarming_in_flight_disengages_and_stays_so() -> None:
     flown = soaring().look(WELL, boots=1)
     assert flown.changes[-1][1:] == (s.RELEASED, s.REASON_REBOOTED)
     flown.look(WELL, 10.0, boots=1)  # the wish still stands
@@ -921,9 +921,9 @@ def test_trouble_and_its_end_count_again_from_where_the_clock_went_back() -> Non
 def test_noise_cannot_make_it_chatter(seed: int, flips: int, wish: bool) -> None:
     """Any conditions flicker at random, at any rate, from tick to tick: all but the wish.
 
-    What lets go ends it, so that is left out most of the time.  Of every two changes between modes
-    that fly one has waited for MINIMUM_S or longer, or the cause has lasted for TROUBLE_S and its
-    end for CLEAR_S: no more than 2 / 0.2 s changes in any second.
+    What disengages ends it, so that is left out most of the time.  Of every two changes between
+    modes that fly one has waited for MINIMUM_S or longer, or the cause has lasted for TROUBLE_S and
+    its end for CLEAR_S: no more than 2 / 0.2 s changes in any second.
     """
     dice = random.Random(seed)
     flickers = 0

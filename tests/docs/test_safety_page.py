@@ -105,7 +105,7 @@ def proofs() -> dict[str, Proof]:
 # words of what it looks at.
 LOOKED_AT = {
     r"\breleased\b": (
-        r"RELEASED|released|let go|is_flying|is_engaged|\[0\] \*|\bREADY\b|NOWHERE"
+        r"RELEASED|released|disengaged|is_flying|is_engaged|\[0\] \*|\bREADY\b|NOWHERE"
         r"|everything\.to|everything\.lacks|overrid|shown_s"
     ),
     r"engaging is refused|^refused (with|and)": (

@@ -374,7 +374,9 @@ def test_positions_and_velocities_in_different_frames_are_reported() -> None:
     watch = Watch().run(512, position=flies)
     assert watch.health.faults & h.WRONG
     assert h.INSANE & h.WRONG
-    assert watch.health.position_ok  # it is not engaged with; in flight it is not let go for
+    assert (
+        watch.health.position_ok
+    )  # it is not engaged with; in flight it does not disengage for it
 
 
 def imu(tilt_deg: float) -> Any:

@@ -48,7 +48,7 @@ def flying(commands: CommandServer, *, settled: bool = False) -> list[int]:
     return results(commands.engagement(flying=True, settled=settled, withdrawn=False))
 
 
-def let_go(commands: CommandServer, *, withdrawn: bool) -> list[int]:
+def release(commands: CommandServer, *, withdrawn: bool) -> list[int]:
     return results(commands.engagement(flying=False, settled=False, withdrawn=withdrawn))
 
 
@@ -62,7 +62,7 @@ def let_go(commands: CommandServer, *, withdrawn: bool) -> list[int]:
         ((0, 191), ENGAGE, True),
         ((1, 0), ENGAGE, False),  # nobody engages all components
         ((0, 0), ENGAGE, False),
-        ((1, 0), RELEASE, True),  # but may tell all to let go
+        ((1, 0), RELEASE, True),  # but may tell all to release
         ((0, 0), ABORT, True),
         ((1, 0), 400, False),
         ((1, 1), ABORT, False),
@@ -100,7 +100,7 @@ def test_an_engagement_is_in_progress_until_the_aircraft_is_on_its_line() -> Non
     assert flying(commands) == []  # holding, capturing again: nothing new
     assert flying(commands, settled=True) == [ACCEPTED]
     assert commands.poll(20.0) == []
-    assert let_go(commands, withdrawn=True) == []  # it has been answered
+    assert release(commands, withdrawn=True) == []  # it has been answered
 
 
 def test_entry_checks_that_wait_for_a_tick_are_in_progress() -> None:
@@ -112,7 +112,7 @@ def test_entry_checks_that_wait_for_a_tick_are_in_progress() -> None:
 def test_a_refused_entry_check_is_a_temporary_rejection() -> None:
     commands = server()
     commands.handle(STATION, command(ENGAGE), 10.0)
-    assert let_go(commands, withdrawn=False) == [REJECTED]
+    assert release(commands, withdrawn=False) == [REJECTED]
 
 
 @pytest.mark.parametrize(("withdrawn", "result"), [(False, FAILED), (True, CANCELLED)])
@@ -122,7 +122,7 @@ def test_an_engagement_that_ends_before_its_line_failed_or_was_cancelled(
     commands = server()
     commands.handle(STATION, command(ENGAGE), 10.0)
     flying(commands)
-    assert let_go(commands, withdrawn=withdrawn) == [result]
+    assert release(commands, withdrawn=withdrawn) == [result]
 
 
 def test_what_holds_an_engagement_back_is_reported() -> None:

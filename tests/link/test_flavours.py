@@ -1,4 +1,4 @@
-"""How ArduPlane wants its surfaces: channels, pulses, and the two ways to let go."""
+"""How ArduPlane wants its surfaces: channels, pulses, and the two ways to release them."""
 
 from math import nan, radians
 

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.link.signing import EPOCH_S
 
 PATIENCE_S = 60.0  # for what happens at once, were the machine not busy with other things
-# What this process may stand still for without its module letting go in the meantime.
+# What this process may stand still for without its module disengaging in the meantime.
 PAUSES = {b"AGE_ATT_MAX": 1.0, b"AGE_AP_MAX": 10.0, b"AGE_POS_MAX": 5.0}
 ROOT = Path(__file__).parents[2]
 AIRFRAME = ROOT / "config/airframes/eclipson_c.toml"

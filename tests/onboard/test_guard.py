@@ -74,7 +74,7 @@ def pump_until_said(module: Module, *words: str) -> str:
     return said[0]
 
 
-def test_a_killed_process_lets_go_and_its_successor_waits_to_be_asked(module: Module) -> None:
+def test_a_killed_process_is_released_and_its_successor_waits_to_be_asked(module: Module) -> None:
     module.engage()
     first = child_of(module)
     os.kill(first, signal.SIGKILL)
@@ -91,7 +91,7 @@ def test_a_killed_process_lets_go_and_its_successor_waits_to_be_asked(module: Mo
     assert module.overrides
 
 
-def test_a_hanging_process_is_killed_and_lets_go(module: Module) -> None:
+def test_a_hanging_process_is_killed_and_released(module: Module) -> None:
     module.engage()
     os.kill(child_of(module), signal.SIGSTOP)
     pump_until_released(module)
@@ -109,7 +109,7 @@ def test_a_process_that_stands_still_while_it_does_not_fly_is_left_alone(module:
     module.engage()
 
 
-def test_an_orphan_lets_go_and_ends(module: Module) -> None:
+def test_an_orphan_disengages_and_ends(module: Module) -> None:
     module.engage()
     child = child_of(module)
     module.process.kill()

@@ -354,7 +354,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "reason", "within_s"), FAULTS)
-def test_a_fault_lets_go_and_turns_the_switch_back(
+def test_a_fault_disengages_and_turns_the_switch_back(
     flight: Flight, fault: Any, reason: str, within_s: float
 ) -> None:
     flight.engaged().said()
@@ -391,7 +391,7 @@ def test_a_refused_engagement_turns_the_switch_back_too(flight: Flight) -> None:
     assert [m for m in said if m.get_type() == "RC_CHANNELS_OVERRIDE"] == []
 
 
-def test_an_autopilot_that_restarts_in_flight_is_let_go_of_and_waits_to_be_asked(
+def test_an_autopilot_that_restarts_in_flight_is_released_and_waits_to_be_asked(
     flight: Flight,
 ) -> None:
     flight.engaged().said()

@@ -265,7 +265,7 @@ class Scene:
         return (self.folder / f"{name}.log").read_text()
 
     def assert_flies(self) -> None:
-        """The module has not let go, whatever the stations did."""
+        """The module has not disengaged, whatever the stations did."""
         assert "released" not in self.log("module"), self.log("module")
         assert "lost" not in self.log("bridge"), self.log("bridge")
         self.pilot.wait("flying", lambda: self.pilot.values["soar_mode"] in FLYING, 3.0)

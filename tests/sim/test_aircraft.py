@@ -156,7 +156,7 @@ def test_a_steady_glide_stays_one(speed_mps: float) -> None:
 
 @pytest.mark.parametrize("speed_mps", [7.9, 8.5, 9.2, 10.5, 11.8])
 def test_gliding_hands_off_gives_the_polar_back(speed_mps: float) -> None:
-    # Let go 0.5 m/s too fast; the phugoid (ζω = 0.13 rad/s) has died to 0.4 % after 45 s.
+    # Released 0.5 m/s too fast; the phugoid (ζω = 0.13 rad/s) has died to 0.4 % after 45 s.
     glide = glide_at(MODEL, speed_mps)
     state = gliding_state(glide, (-0.5, 0.0, 0.0))
     heights, places = [], []

@@ -141,7 +141,7 @@ def holders(value: object) -> list[int]:
 
 
 @needs_numba
-def test_a_compiled_flight_lets_go_of_all_that_it_was_handed() -> None:
+def test_a_compiled_flight_releases_all_that_it_was_handed() -> None:
     """Inside a kernel nobody counts: what is freed once too often is no array any more."""
     airframe, site, values, field, _ = place("tunnel")
     world = make_world(airframe, site, seed=5, turbulence=0.01, field=field)
@@ -246,9 +246,9 @@ def test_a_flight_that_ends_early_ends_alike() -> None:
     plain, fast = both("tunnel", 3, 0.0, gusty, (no_fence,))
     assert plain.ended.startswith("hit the board")
     assert_same(plain, fast)
-    let_go = Change(3.0, {"CAPTURE_MAX": 0.1, "TGL_SLEW": 1.0, "TGL_ACCEL": 5.0, "TGL_X": 0.5})
-    plain, fast = both("tunnel", 3, 0.03, None, (let_go,))
-    assert plain.ended == "let go: e_rho beyond CAPTURE_MAX"
+    disengaged = Change(3.0, {"CAPTURE_MAX": 0.1, "TGL_SLEW": 1.0, "TGL_ACCEL": 5.0, "TGL_X": 0.5})
+    plain, fast = both("tunnel", 3, 0.03, None, (disengaged,))
+    assert plain.ended == "disengaged: e_rho beyond CAPTURE_MAX"
     assert_same(plain, fast)
 
 

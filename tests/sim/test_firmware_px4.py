@@ -249,8 +249,8 @@ def test_a_leg_through_a_real_px4(tmp_path: Path, route: str) -> None:
 @REAL
 @pytest.mark.parametrize("exempt", [True, False])
 def test_a_radio_that_is_lost_in_offboard_on_a_real_px4(tmp_path: Path, exempt: bool) -> None:
-    """Set up as preflight asks, the module flies on.  Else PX4 circles, and the module lets go of
-    it: OFFBOARD does not come back to nobody when the radio does."""
+    """Set up as preflight asks, the module flies on.  Else PX4 circles, and the module disengages
+    from it: OFFBOARD does not come back to nobody when the radio does."""
     fails_s = 30.0
     options = replace(
         leg(tmp_path, "px4", os.environ["TGL_SOAR_PX4"], "attitude", stay_s=30.0),

@@ -312,7 +312,7 @@ def test_a_gap_in_the_position_is_flown_through_and_one_in_the_attitude_is_not()
 
 
 def test_the_pilot_has_the_aircraft_when_they_want_it() -> None:
-    assert flown("pilot.takes start=4 for=2").startswith("let go")
+    assert flown("pilot.takes start=4 for=2").startswith("disengaged")
 
 
 def test_one_half_of_a_brake_that_stays_halves_the_rest_and_rolls() -> None:

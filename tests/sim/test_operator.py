@@ -131,7 +131,7 @@ def test_a_line_that_never_arrives_ends_the_flight() -> None:
         run(module, 60.0)
 
 
-def test_a_module_that_lets_go_ends_the_flight() -> None:
+def test_a_module_that_disengages_ends_the_flight() -> None:
     operator = Operator([LEG], 1, 191)
     module = Module(operator)
     run(module, 2.0)

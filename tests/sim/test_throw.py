@@ -69,9 +69,9 @@ def test_it_leaves_the_hand_with_its_speed_along_its_nose() -> None:
     assert way == pytest.approx(0.5 * 4.0 * PUSH_S, abs=0.05)
 
 
-def test_without_a_speed_it_is_let_go() -> None:
-    let_go = world(0.0)
-    while not let_go.is_free:
-        let_go.step(COMMAND)
-        assert let_go.imu.force_x_frd_mps2 < 2.0
-    assert let_go.time_s == pytest.approx(0.5, abs=0.006)
+def test_without_a_speed_it_is_released() -> None:
+    released = world(0.0)
+    while not released.is_free:
+        released.step(COMMAND)
+        assert released.imu.force_x_frd_mps2 < 2.0
+    assert released.time_s == pytest.approx(0.5, abs=0.006)

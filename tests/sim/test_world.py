@@ -135,7 +135,7 @@ def test_roll_gusts_leave_the_rest_of_the_air_as_it_is(airframe: Airframe) -> No
 def held_then_free(
     airframe: Airframe, *, roll_gusts: bool
 ) -> tuple[list[tuple[float, float, float]], list[float]]:
-    """The wind while the aircraft is held, and its roll rates in the second after it is let go."""
+    """The wind while the aircraft is held, and its roll rates in the second after its release."""
     air = msgspec.structs.replace(
         JET, turbulence=msgspec.structs.replace(JET.turbulence, roll_gusts=roll_gusts)
     )

@@ -770,7 +770,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="LNC_SPEED", unit="m/s", minimum=0.1, maximum=10, default=1.5,
         meaning="Faster than that the aircraft has been thrown: by its velocity over the ground,"
                 " or as its accelerometers feel the push. Faster than whoever carries it walks;"
-                " where it is only let go, in a tunnel, 0.3.",
+                " where it is only released, in a tunnel, 0.3.",
     ),
     Parameter(
         name="LNC_WAIT", unit="s", minimum=1, maximum=600, default=60,

@@ -151,7 +151,7 @@ class PolynomialAir(Strict, frozen=True, tag_field="kind", tag="polynomial"):
 
 
 class Start(Strict, frozen=True):
-    """Where the simulated aircraft is let go, at rest over the ground."""
+    """Where the simulated aircraft is released, at rest over the ground."""
 
     x_m: Finite
     z_m: Finite

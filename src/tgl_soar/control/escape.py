@@ -20,7 +20,7 @@ SHORT_S: Final = 0.5  # so long must it be gone
 STILL_MPS: Final = 0.7  # over the ground, for STILL_S: it lies there
 STILL_S: Final = 1.0
 # Of height, at most: a wing's own and the estimate's error. Standing still is no ground where the
-# wind is as fast as the aircraft, and the flare sinks slowly: from more it is let go in the air.
+# wind is as fast as the aircraft, and the flare sinks slowly: from more it disengages in the air.
 GROUND_M: Final = 0.3
 
 

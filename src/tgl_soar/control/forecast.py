@@ -340,7 +340,7 @@ def _sink(polar: GlidePolar, speed_mps: float) -> float:
 def _first(polar: GlidePolar, sight: _Sight) -> tuple[LiftReadings, WindReadings, GustReadings]:
     """The first reading.
 
-    An aircraft that is let go here was held until now, and its estimates felt the hand: of a no
+    An aircraft that is released here was held until now, and its estimates felt the hand: of a no
     more is taken for known than that updrafts and sinks of aircraft that soar are alike.
     """
     air, vx = sight.air, sight.vehicle.velocity_x_mps

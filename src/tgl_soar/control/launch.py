@@ -10,9 +10,9 @@ body's x axis, which needs no position,
 
     push(t) = ∫ (f_x − g sin pitch) e^(−(t − t') / PUSH_S) dt'
 
-A shaken or carried aircraft is pushed forth and back; one that is let go in its wind (a tunnel) is
-pushed by nothing, and is seen by its velocity alone.  What is too high for a hand, or faster than a
-walker, for EVIDENT_S is in none, however it got there.
+A shaken or carried aircraft is pushed forth and back; one that is released in its wind (a tunnel)
+is pushed by nothing, and is seen by its velocity alone.  What is too high for a hand, or faster
+than a walker, for EVIDENT_S is in none, however it got there.
 
 A launch that cannot succeed is given up while there is height to land with: thrown too steeply, no
 speed in time, sinking into the clearance, the line still far where that is near, or flown away

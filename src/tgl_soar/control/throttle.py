@@ -19,7 +19,7 @@ pitch that holds it is known beforehand and told, as the brake's is.
 **Called** by what ends flights: no place to settle is foreseen and it sinks; the height for the way
 home is gone, or will be within AHEAD_S, on that way or where the aircraft does not soar (who soars
 needs none for it yet); or, for LOW_S, it sinks so that the least clearance is reached within
-AHEAD_S.  It is let go HOLD_S after the last of them, fading, so that gusts do not switch it; in
+AHEAD_S.  It is closed HOLD_S after the last of them, fading, so that gusts do not switch it; in
 doubt (the place unknown, a mode that flies no line, tilted) it is closed at once.
 
 **Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where

@@ -134,7 +134,7 @@ def fly(
             ended = world.crashed
             break
         if output.mode in (RELEASED, FAILED):
-            ended = f"let go: {reason_text(output.reason)}"
+            ended = f"disengaged: {reason_text(output.reason)}"
             break
     table = np.array(rows)
     columns = {name: table[:, i] for i, name in enumerate(Row._fields)}

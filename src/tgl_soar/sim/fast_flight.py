@@ -156,7 +156,7 @@ def why_it_stands_so(world: World, standing: int, reason: int, aircraft: Aircraf
     if standing == CRASHED:
         return world.why_lost(aircraft)
     if standing == HANDED_OVER:
-        return f"let go: {reason_text(reason)}"
+        return f"disengaged: {reason_text(reason)}"
     return ""
 
 

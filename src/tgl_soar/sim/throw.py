@@ -23,7 +23,7 @@ class Throw(NamedTuple):
     """How the aircraft is thrown; angles from straight upwind and from level."""
 
     time_s: float  # when the arm begins to swing
-    speed_mps: float  # over the ground; 0: it is let go
+    speed_mps: float  # over the ground; 0: it is released
     roll_rad: float
     pitch_rad: float
     heading_rad: float

@@ -553,7 +553,7 @@ def make_world(
     if site.air is None:
         raise ConfigError(f"site {site.site.name}: no [air] table, so there is no wind to fly in")
     if site.start is None:
-        raise ConfigError(f"site {site.site.name}: no [start] table, so nowhere to be let go")
+        raise ConfigError(f"site {site.site.name}: no [start] table, so nowhere to be released")
     try:
         model = flown_aircraft(airframe)
         return World(

@@ -46,7 +46,7 @@ MOVES_S: Final = 1.0  # a line that is changed
 # What a flight that goes well is, and what never was in a flight that does not.
 GOOD: Final = ("up", "soared", "oracle_like", "aloft", "landing", "done", "in_time")
 NEVER: Final = ("settled_s", "found_s", "claimed_s", "warned_s", "low_s", "floor_s")
-ENDS: Final = ("hit the board at x 0.31, z 0.52 m", "let go: roll or pitch too large")
+ENDS: Final = ("hit the board at x 0.31, z 0.52 m", "disengaged: roll or pitch too large")
 
 
 class MadeUp(Flyer):

@@ -73,7 +73,7 @@ def test_a_flight_that_ends_early_says_why(scenario: Scenario) -> None:
     start = msgspec.structs.replace(scenario.start, x_m=-0.9, z_m=0.4)
     crash = fly_job(ScenarioJob(scenario=msgspec.structs.replace(scenario, start=start), seed=1))
     assert not crash.survived
-    assert crash.ended == "let go: outside the fence"
+    assert crash.ended == "disengaged: outside the fence"
     assert crash.duration_s < 5.0
     assert crash.legs == ()
 

@@ -338,7 +338,7 @@ def test_a_point_is_held_and_dragged_along_the_line(browser: Any) -> None:
         )
         width = hypot(ends[2] - ends[0], ends[3] - ends[1]) / window.value("page.plane.scale")
         assert width == pytest.approx(0.33, abs=0.06)
-        # Dragged, it stays on the line; nothing goes out before it is let go.
+        # Dragged, it stays on the line; nothing goes out before it is released.
         lean = radians(15.0)
         place, to = ((B[0] - a * sin(lean), B[1] + a * cos(lean)) for a in (along, along - 0.06))
         window.take(place, (to[0] + 0.1 * cos(lean), to[1] + 0.1 * sin(lean)))

@@ -161,13 +161,13 @@ def test_pulses_pass_as_through_the_firmware(time_s: float, what: str) -> None:
 def test_overrides_time_out_when_those_of_the_firmware_do() -> None:
     """Half a second after the last frame, at 10.99 s; the firmware looks in a task of its own."""
 
-    def let_go_s(lines: Any) -> float:
+    def released_s(lines: Any) -> float:
         outputs = [line for line in lines if line["name"] == "SERVO_OUTPUT_RAW"]
         neutral = [line for line in outputs if line["t"] > 11.2 and line["servo1_raw"] == 1500]
         return float(neutral[0]["t"])
 
-    firmware = let_go_s(of_firmware("SERVO_OUTPUT_RAW"))
-    assert firmware - LATER_S < let_go_s(replayed()) <= firmware
+    firmware = released_s(of_firmware("SERVO_OUTPUT_RAW"))
+    assert firmware - LATER_S < released_s(replayed()) <= firmware
 
 
 def test_the_mode_stays_when_overrides_time_out() -> None:

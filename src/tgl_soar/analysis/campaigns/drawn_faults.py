@@ -10,7 +10,7 @@ finite, within travel, and no faster than the surface may move.
 
 `soaring`   at the end of the flight it is on the line again
 `flying`    at the end it still has the surfaces and is on its way back to the line
-`released`  it let go by itself, for a reason that it told
+`released`  it disengaged by itself, for a reason that it reported
 `lost`      the aircraft hit something, or left the air, while the module had the surfaces
 """
 
@@ -325,7 +325,7 @@ class FaultRow(NamedTuple):
     name: str
     flights: int
     results: Counter[str]
-    reasons: Counter[str]  # of those that let go or were lost
+    reasons: Counter[str]  # of those that disengaged or were lost
 
 
 class Counted(NamedTuple):

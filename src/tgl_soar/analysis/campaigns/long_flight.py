@@ -65,7 +65,7 @@ class LongFlight:
 
     @property
     def is_well(self) -> bool:
-        """Every tick flown, no clock mistaken, nothing let go of."""
+        """Every tick flown, no clock mistaken, none disengaged from."""
         return (
             not self.ended
             and self.wrapped

@@ -131,7 +131,7 @@ class SlopeSchedule(Strict, frozen=True):
 
 
 class StartSpec(Strict, frozen=True):
-    """Where the aircraft is let go: from the first line's crossing, or at a place."""
+    """Where the aircraft is disengaged: from the first line's crossing, or at a place."""
 
     downstream_m: Finite = 0.3
     up_m: Finite = 0.0

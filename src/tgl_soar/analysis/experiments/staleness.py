@@ -18,7 +18,7 @@ from tgl_soar.analysis.experiments.scenario import Scenario, SensorSpec, load_sc
 from tgl_soar.config.airframe import ModelKind
 from tgl_soar.config.files import shipped
 
-# Until an aircraft let go 0.3 m from its line is on it, and has answered turbulence.
+# Until an aircraft released 0.3 m from its line is on it, and has answered turbulence.
 PROBED_S: Final = 4.0
 # Processors round otherwise, in the last of some 16 digits; a flight's loop is stable, so that
 # nothing of it grows.  A gain changed by a ten-thousandth moves the end by more.

@@ -76,7 +76,7 @@ _BEFORE_ANY: Final[dict[str, Any]] = {
 
 
 # Surfaces that are read back answered the commands of then.  Held against others they would seem
-# dead, and the module would let go: nothing is further from a command than this.
+# dead, and the module would disengaged: nothing is further from a command than this.
 NEVER_DEAD: Final = {"SURF_TOL": PARAMETERS[INDEX["SURF_TOL"]].maximum}
 
 

@@ -175,7 +175,7 @@ def fly_whole(world: World, seed: int, values: ParameterSet, duration_s: float) 
         up=not flown.ended,
         rms_e_rho_m=_rms(distances[settle:]),
         duration_s=flown.ticks / world.step_hz,
-        ended=flown.ended.removeprefix("let go: "),
+        ended=flown.ended.removeprefix("disengaged: "),
         rms_y_m=_rms(flown["y_m"][settle:]),
         rms_bank_rad=_rms(flown["roll_rad"][settle:]),
     )

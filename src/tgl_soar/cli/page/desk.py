@@ -163,16 +163,16 @@ class Desk:
         if isinstance(request, Look):
             self._look(GhostLine(request.x, request.z, request.lean))
         elif isinstance(request, Drop):
-            self._let_go(viewer)
+            self._release(viewer)
         elif isinstance(request, Move):
             self.orders.move(who, GhostLine(request.x, request.z, request.lean))
-            self._let_go(viewer)
+            self._release(viewer)
         elif isinstance(request, Preset):
             self._preset(who, request.number)
-            self._let_go(viewer)
+            self._release(viewer)
         elif isinstance(request, Undo):
             self.orders.undo(who)
-            self._let_go(viewer)
+            self._release(viewer)
         elif isinstance(request, Engage | Release | Abort):
             commands = {Engage: ENGAGE, Release: RELEASE, Abort: ABORT}
             self.orders.command(who, commands[type(request)])
@@ -185,7 +185,7 @@ class Desk:
     def leave(self, viewer: Viewer) -> None:
         """A page has gone; what it held in its hand stays where it was."""
         self.pages.remove(viewer)
-        self._let_go(viewer)
+        self._release(viewer)
 
     def _may_hold(self, viewer: Viewer, now_s: float) -> bool:
         if self._holder.take(viewer.number, viewer.name, now_s):
@@ -194,7 +194,7 @@ class Desk:
         self._notice(Done(viewer.name, False, text))
         return False
 
-    def _let_go(self, viewer: Viewer) -> None:
+    def _release(self, viewer: Viewer) -> None:
         if self._holder.drop(viewer.number):
             self._ghost = None
 

@@ -2,7 +2,7 @@
 
 Every request is JSON of one of the kinds below, with the token; anything else is garbage, and ends
 the connection.  One page at a time holds the line: it takes it by dragging, and loses it when it
-lets go, goes away, or does nothing for `HOLD_S`.
+releases it, goes away, or does nothing for `HOLD_S`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Hold(_Request, frozen=True, tag="hold"):
 
 
 class Drop(_Request, frozen=True, tag="drop"):
-    """Let go of it where it was."""
+    """Release it where it was."""
 
 
 class _AtLine(_Request, frozen=True):
@@ -52,7 +52,7 @@ class Look(_AtLine, frozen=True, tag="look"):
 
 
 class Move(_AtLine, frozen=True, tag="move"):
-    """Move it there, and let go."""
+    """Move it there, and release it."""
 
     at: float = 0.0  # the browser's clock, for measuring
 
@@ -147,7 +147,7 @@ class Holder:
         return True
 
     def drop(self, page: int) -> bool:
-        """A page lets go; whether it had held it."""
+        """A page releases the line; whether it had held it."""
         had = self._page == page
         if had:
             self._page = 0

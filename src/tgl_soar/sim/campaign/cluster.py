@@ -28,7 +28,7 @@ LOOK_S: Final = 1.0  # between two looks at whether it is still there
 # glibc's malloc.h.  The values are above a flight's arrays (3 MB), and below what a machine lacks.
 M_TRIM_THRESHOLD: Final = -1
 M_MMAP_THRESHOLD: Final = -3
-KEPT_BYTES: Final = 1 << 28  # of what has been let go of, before the system has it back
+KEPT_BYTES: Final = 1 << 28  # of what has been released, before the system has it back
 LARGE_BYTES: Final = 1 << 25  # the most that glibc itself would come to
 MISSING: Final = "--scheduler needs dask: pip install 'tgl_soar[cluster]'"
 

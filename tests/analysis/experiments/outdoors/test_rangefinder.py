@@ -67,7 +67,7 @@ def test_a_wrong_rangefinder_is_drawn_from_its_seed_and_lasts() -> None:
         (ranges.RECEIVER_RANGED, {"ended": "hit the ground"}, (False, True, True)),
         (ranges.HEIGHT_RANGED, {"off_m": 0.31}, (True, False, True)),
         (ranges.HEIGHT, {"off_m": 3.0}, (True, True, True)),  # nothing is claimed of it
-        (ranges.WRONG, {"ended": "let go: too low", "apart_m": inf}, (True, True, False)),
+        (ranges.WRONG, {"ended": "disengaged: too low", "apart_m": inf}, (True, True, False)),
         (ranges.WRONG, {"captures": 1}, (True, True, False)),
         (ranges.WRONG, {"apart_m": 2.0}, (True, True, True)),
     ],

@@ -67,7 +67,7 @@ def test_the_same_seed_is_the_same_flight(flown: dict[str, SatelliteFlight]) -> 
 def test_what_counts_as_lost_and_as_landed(flown: dict[str, SatelliteFlight]) -> None:
     plain = replace(flown[sat.RESET], ended="", landing=False)
     assert not plain.lost
-    assert not replace(plain, ended="let go: position lost").lost
+    assert not replace(plain, ended="disengaged: position lost").lost
     assert replace(plain, ended="hit the ground").lost
     home = replace(plain, ended="hit the ground", landing=True, along_m=9, across_m=-4, sink_mps=1)
     assert home.landed
@@ -84,9 +84,9 @@ def test_what_counts_as_lost_and_as_landed(flown: dict[str, SatelliteFlight]) ->
         (sat.TURNED, {"apart_m": inf}, {0}),
         (sat.TURNED, {"captures": 1}, {0}),
         (sat.RESET, {"ended": "hit the ground"}, {1}),
-        (sat.HOME, {"ended": "let go: outside the fence"}, {1}),
+        (sat.HOME, {"ended": "disengaged: outside the fence"}, {1}),
         (sat.HELD, {"ended": "hit the ground"}, {2, 4}),  # and nobody soars on
-        (sat.HELD, {"ended": "let go: too low", "clearance_m": 0.9}, {2, 4}),
+        (sat.HELD, {"ended": "disengaged: too low", "clearance_m": 0.9}, {2, 4}),
         (sat.RECEIVER, {"beside_m": 0.31}, {3}),
         (sat.HELD, {"last_off_m": 0.31}, {4}),
     ],
@@ -103,9 +103,10 @@ def test_each_claim_can_fail(kind: str, changes: dict[str, Any], claims: set[int
     assert [found.holds for found in sat._claims(by_kind)] == [i not in claims for i in range(5)]
 
 
-def test_whoever_is_let_go_high_and_without_leave_fails_only_what_it_does_not_soar_on_for() -> None:
+def test_who_is_disengaged_high_and_without_leave_fails_only_what_it_does_not_soar_on_for() -> None:
     high = SatelliteFlight(
-        kind=sat.HELD, seed=1, faults=(), duration_s=1.0, ended="let go: position lost", captures=0,
+        kind=sat.HELD, seed=1, faults=(), duration_s=1.0, ended="disengaged: position lost",
+        captures=0,
         off_m=0.1, last_off_m=0.1, fix_off_m=0.0, beside_m=0.1, beside_share=0.0, clearance_m=4.0,
         apart_m=nan, along_m=nan, across_m=nan, sink_mps=nan, landing=False,
     )  # fmt: skip

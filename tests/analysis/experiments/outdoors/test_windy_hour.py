@@ -75,7 +75,7 @@ def test_what_counts_as_lost_and_as_landed() -> None:
     for sink in (1.6, nan):
         assert replace(HOME, sink_mps=sink).lost
     assert not replace(HOME, along_m=30.0, sink_mps=1.4).lost
-    assert not replace(GOOD, ended="let go: too low").lost
+    assert not replace(GOOD, ended="disengaged: too low").lost
     for bad in (
         replace(HOME, along_m=10.1),
         replace(HOME, across_m=-5.1),
@@ -91,7 +91,7 @@ def test_what_counts_as_lost_and_as_landed() -> None:
     [
         (replace(HOME, landing=False, left_m=nan), 0),
         (replace(HOME, sink_mps=1.6, left_m=nan), 0),
-        (replace(GOOD, ended="let go: too low"), 1),
+        (replace(GOOD, ended="disengaged: too low"), 1),
         (replace(HOME, across_m=5.1), 2),
     ],
 )

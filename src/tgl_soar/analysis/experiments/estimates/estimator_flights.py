@@ -255,7 +255,7 @@ def _ticks(flight: EstimatorFlight) -> Iterator[_Tick]:
         output = loop.tick()
         ended = world.crashed
         if not ended and output.mode in (RELEASED, FAILED):
-            ended = f"let go: {reason_text(output.reason)}"
+            ended = f"disengaged: {reason_text(output.reason)}"
         yield _Tick(truth, inputs, output, ended)
         if ended:
             return

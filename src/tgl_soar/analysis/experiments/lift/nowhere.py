@@ -55,7 +55,7 @@ ACTS: Final = (DISENGAGE, SEARCH_FIRST)
 DURATION_S: Final[dict[Kind, float]] = {"tunnel": 8.0, "hill": 30.0}
 STEP_M: Final[dict[Kind, float]] = {"tunnel": 0.01, "hill": 0.05}  # of E along a line
 REPORTED_S: Final = 1.5  # after it could be known
-KNOWN_S: Final = HELD_S + WINDOW_S  # since the aircraft was let go
+KNOWN_S: Final = HELD_S + WINDOW_S  # since the aircraft was released
 LEANS_DEG: Final = (10.0, 15.0, 20.0, 25.0)
 AWAY_M: Final = 0.7  # from the place to settle, at most, along the line
 ROOM: Final = 0.5  # of CLEAR_MIN, that such a start and place have beyond the clearance
@@ -279,7 +279,7 @@ def run(context: Context) -> Result:
         title="starts on a line without a place to settle",
         flown=(
             f"At {count} random tunnels and {count} random hills, seeds {FIRST_SEED} to"
-            f" {FIRST_SEED + count - 1}, an aircraft is let go at rest on a line of 10 to 25°"
+            f" {FIRST_SEED + count - 1}, an aircraft is released at rest on a line of 10 to 25°"
             " without a place to settle in the true air, and on one that has a place within"
             f" {AWAY_M:g} m; wind there 7.8 to 11.5 m/s, gusts of 1 to 5 %, drag ± 10 %. The module"
             " flies its own loop with its own estimates, with FC_ACT 2 (disengage) and 4 (search)."

@@ -347,7 +347,7 @@ def _launches(flown: list[FlownPassage]) -> Table:
         for name, some in (
             ("captured", captured),
             ("given up, of these landed", given_up),
-            ("lost or let go", others),
+            ("lost or disengaged", others),
         )
     ]
     return Table("Launches", ("", "flights", *_LAUNCH_COLUMNS), tuple(rows))

@@ -83,7 +83,7 @@ class RangeFlight:
     seed: int
     fault: str
     duration_s: float
-    ended: str  # what it hit, or why the module let go; "": neither
+    ended: str  # what it hit, or why the module disengaged; "": neither
     captures: int  # again, since BEGIN_S
     off_rms_m: float  # e_rho since then
     off_m: float  # the largest
@@ -94,7 +94,7 @@ class RangeFlight:
 
     @property
     def gone(self) -> bool:
-        """It was lost or let go."""
+        """It was lost or disengaged."""
         return bool(self.ended)
 
 
@@ -167,7 +167,7 @@ def _fly(job: RangeJob, ranged: bool, faults: tuple[Fault, ...]) -> _RangedFligh
             ended = world.crashed.partition(" at x")[0]
             break
         if mode in (RELEASED, FAILED):
-            ended = f"let go: {REASON_TEXTS[output.reason]}"
+            ended = f"disengaged: {REASON_TEXTS[output.reason]}"
             break
         state = world.state
         if begun:
@@ -282,7 +282,7 @@ def _claims(by_kind: dict[str, list[RangeFlight]]) -> tuple[Claim, ...]:
         stays(RECEIVER_RANGED),
         stays(HEIGHT_RANGED),
         Claim(
-            "none is lost or let go by a wrong rangefinder, and none captures again",
+            "none is lost or disengaged by a wrong rangefinder, and none captures again",
             gone + sum(each.captures for each in wrong) == 0,
             f"{share(gone, len(wrong))}, e_rho moved by {apart:.2f} m at most",
         ),
@@ -306,7 +306,7 @@ def _table(by_kind: dict[str, list[RangeFlight]]) -> Table:
         for kind, some in by_kind.items()
     ]
     columns = (
-        "", "flights", "lost or let go", "captured again", "height wrong by, rms [m]",
+        "", "flights", "lost or disengaged", "captured again", "height wrong by, rms [m]",
         "e_rho, rms [m]", "e_rho, at most [m]", f"within {WITHIN_M:g} m [% of the time]",
         "least clearance [m]", "e_rho moved by it [m]",
     )  # fmt: skip

@@ -96,14 +96,14 @@ class SatelliteFlight:
     seed: int
     faults: tuple[str, ...]
     duration_s: float
-    ended: str  # what it hit, or why the module let go; "": neither
+    ended: str  # what it hit, or why the module disengaged; "": neither
     captures: int  # again, since what goes wrong began
     off_m: float  # the largest e_rho since then
     last_off_m: float  # e_rho at the end
     fix_off_m: float  # the largest error of the fixes that were given, across the line
     beside_m: float  # the most by which e_rho was beyond the error of the fix of the same tick
     beside_share: float  # of the ticks in which that was more than BESIDE_M
-    clearance_m: float  # over the ground when it was let go; NaN: it was not
+    clearance_m: float  # over the ground when it was disengaged; NaN: it was not
     apart_m: float  # resets: the largest difference of e_rho to the same flight without; else NaN
     along_m: float  # beyond the landing point, where it touched the ground
     across_m: float
@@ -111,14 +111,14 @@ class SatelliteFlight:
     landing: bool  # it ended so
 
     @property
-    def let_go(self) -> bool:
+    def disengaged(self) -> bool:
         """It was handed over, wherever it was."""
-        return self.ended.startswith("let go")
+        return self.ended.startswith("disengaged")
 
     @property
     def lost(self) -> bool:
         """It hit something, and was not landing where it should."""
-        return bool(self.ended) and not self.let_go and not self.landed
+        return bool(self.ended) and not self.disengaged and not self.landed
 
     @property
     def landed(self) -> bool:
@@ -134,7 +134,7 @@ class SinceFault(NamedTuple):
     captures: int
     off_m: list[float]  # e_rho
     fix_off_m: list[float]  # the error of the fix, across the line
-    clearance_m: float  # over the ground, when it was let go
+    clearance_m: float  # over the ground, when it was disengaged
     touch: tuple[float, float, float]  # where it was last [m], and how fast it sank [m/s]
     landing: bool
 
@@ -223,7 +223,7 @@ def _fly(job: SatelliteJob, faults: tuple[Fault, ...]) -> SinceFault:
             ended = world.crashed.partition(" at x")[0]
             break
         if mode in (RELEASED, FAILED):
-            ended = f"let go: {REASON_TEXTS[output.reason]}"
+            ended = f"disengaged: {REASON_TEXTS[output.reason]}"
             clearance_m = clearance(world.ground, state.x_m, state.z_m)
             break
         state = world.state
@@ -347,14 +347,14 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
     worst = max((each.apart_m for each in resets), default=nan)
     captured = sum(each.captures for each in resets)
     stays = [each for kind in STAYS for each in by_kind[kind]]
-    gone = sum(each.lost or each.let_go for each in stays)
+    gone = sum(each.lost or each.disengaged for each in stays)
     drifted = by_kind[RECEIVER]
     beside = max((each.beside_m for each in drifted), default=nan)
     share_beside = sum(each.beside_share for each in drifted) / max(1, len(drifted))
     outages = by_kind[HELD]
     held = [each for each in outages if not each.ended]
     off = max((each.last_off_m for each in held), default=nan)
-    given = [each.clearance_m for each in outages if each.let_go]
+    given = [each.clearance_m for each in outages if each.disengaged]
     hit = sum(each.lost for each in outages)
     return (
         Claim(
@@ -364,17 +364,17 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
             f"by {100 * worst:.1f} cm at most, {captured} captures in {len(resets)} flights",
         ),
         Claim(
-            "none is lost or let go, but where nobody is told of dead reckoning, or nobody gave"
+            "none is lost or disengaged, but where nobody is told of dead reckoning, or nobody gave"
             " leave to break off",
             gone == 0,
-            f"{share(gone, len(stays))}: lost {sum(each.lost for each in stays)}, let go"
-            f" {sum(each.let_go for each in stays)}",
+            f"{share(gone, len(stays))}: lost {sum(each.lost for each in stays)}, disengaged"
+            f" {sum(each.disengaged for each in stays)}",
         ),
         Claim(
-            "without leave to break off none hits anything before it is let go, and none is let go"
-            f" lower than {HANDED_M:g} m over the ground",
+            "without leave to break off none hits anything before it is disengaged, and none is"
+            f" disengaged lower than {HANDED_M:g} m over the ground",
             hit == 0 and min(given, default=inf) >= HANDED_M,
-            f"{hit} of {len(outages)} lost, {len(given)} let go, from"
+            f"{hit} of {len(outages)} lost, {len(given)} disengaged, from"
             f" {min(given, default=nan):.1f} m at least",
         ),
         Claim(
@@ -402,7 +402,7 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
                 f"{len(some)}",
                 f"{len(soared)}",
                 f"{sum(each.landed for each in some)}",
-                f"{sum(each.let_go for each in some)}",
+                f"{sum(each.disengaged for each in some)}",
                 f"{sum(each.lost for each in some)}",
                 f"{sum(each.captures for each in some)}",
                 span([each.fix_off_m for each in some], 2),
@@ -414,9 +414,9 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
             )
         )
     columns = (
-        "", "flights", "still soared", "landed as they should", "let go", "lost", "captured again",
-        "fixes off, across the line [m]", "off the line, at most [m]",
-        "beyond the fix of that instant [m]", "let go, over the ground [m]", "in the end [m]",
+        "", "flights", "still soared", "landed as they should", "disengaged", "lost",
+        "captured again", "fixes off, across the line [m]", "off the line, at most [m]",
+        "beyond the fix of that instant [m]", "disengaged, over the ground [m]", "in the end [m]",
         "e_rho moved [cm]",
     )  # fmt: skip
     return Table("Satellites: least, median, most", columns, tuple(rows))

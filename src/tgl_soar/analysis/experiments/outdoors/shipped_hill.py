@@ -13,7 +13,7 @@ from tgl_soar.config.site import HillAir, Line, Site, Start
 
 AIRFRAME: Final = "eclipson_c"
 SITE: Final = "hill"
-BELOW_M: Final = 0.5  # its line, where it is let go
+BELOW_M: Final = 0.5  # its line, where it is released
 
 
 class ShippedHill(NamedTuple):
@@ -30,7 +30,7 @@ class ShippedHill(NamedTuple):
         return self._replace(site=msgspec.structs.replace(self.site, air=air), air=air)
 
     def on_line(self, name: str) -> ShippedHill:
-        """The same with one of its lines to be flown, let go below it."""
+        """The same with one of its lines to be flown, released below it."""
         line: Line = self.site.lines[name]
         start = Start(x_m=line.x_m, z_m=line.z_m - BELOW_M)
         site = msgspec.structs.replace(self.site, start=start)

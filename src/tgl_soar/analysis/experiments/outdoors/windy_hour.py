@@ -95,7 +95,7 @@ class FlownHour:
     possible_s: float  # a path that knows the wind to come
     soarable: float  # share of the time asked for, in which some place could be soared
     soared_s: float  # until it broke off, or ended otherwise
-    ended: str  # what it hit, or why the module let go; "": it flew to the end
+    ended: str  # what it hit, or why the module disengaged; "": it flew to the end
     left_m: float  # the height left when it broke off; NaN: it did not
     broke_at_m: float  # the height over the landing place, there
     wind_mps: float  # of the record then, or the least of the flight where it did not break off
@@ -113,7 +113,7 @@ class FlownHour:
         of a structure, which nobody has tested, and counts more as lost than may have broken.
         """
         soft = self.landing and self.sink_mps <= SINK_MPS
-        return bool(self.ended) and not self.ended.startswith("let go") and not soft
+        return bool(self.ended) and not self.ended.startswith("disengaged") and not soft
 
     @property
     def landed(self) -> bool:
@@ -253,7 +253,7 @@ def drawn_seed(flown: list[FlownHour]) -> int:
 
 def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
     lost = sum(each.lost for each in flown)
-    let_go = sum(each.ended.startswith("let go") for each in flown)
+    disengaged = sum(each.ended.startswith("disengaged") for each in flown)
     left = [each for each in flown if isfinite(each.left_m)]
     landed = sum(each.landed for each in left)
     least = min((each.left_m for each in left), default=nan)
@@ -266,8 +266,8 @@ def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
         ),
         Claim(
             "every lull that the line does not survive is left by itself",
-            let_go == 0,
-            f"{len(left)} broke off, {let_go} were let go, with the least height left"
+            disengaged == 0,
+            f"{len(left)} broke off, {disengaged} were disengaged, with the least height left"
             f" {least:.1f} m",
         ),
         Claim(
@@ -289,7 +289,7 @@ def _table(by_hill: dict[float, list[FlownHour]]) -> Table:
                 f"{sum(not each.ended for each in some)}",
                 f"{len(home)}",
                 f"{sum(each.landed for each in home)}",
-                f"{sum(each.ended.startswith('let go') for each in some)}",
+                f"{sum(each.ended.startswith('disengaged') for each in some)}",
                 f"{sum(each.lost for each in some)}",
                 span([each.soared_s / 60.0 for each in some]),
                 f"{fmean(each.soared_s for each in some) / 60.0:.1f}",
@@ -304,8 +304,9 @@ def _table(by_hill: dict[float, list[FlownHour]]) -> Table:
             )
         )
     columns = (
-        "hill [m]", "flights", "soared to the end", "broke off", "landed as they should", "let go",
-        "lost", "soared [min]", "mean", "possible [min], mean", "soarable", "height left then [m]",
+        "hill [m]", "flights", "soared to the end", "broke off", "landed as they should",
+        "disengaged", "lost", "soared [min]", "mean", "possible [min], mean", "soarable",
+        "height left then [m]",
         "from [m]", "wind then [m/s]", "along [m]", "across [m]", "sink [m/s]",
     )  # fmt: skip
     return Table("An hour: least, median, most", columns, tuple(rows))

@@ -481,7 +481,7 @@ def static(context: Context) -> Result:
         context,
         "static",
         "A line through the contour at 0.90 of best glide's speed stands still; the aircraft is"
-        " let go 0.3 m downstream of the crossing, at rest over the ground, and flown for a"
+        " released 0.3 m downstream of the crossing, at rest over the ground, and flown for a"
         f" minute. The first {SETTLE_S:g} s after the line stands still are not scored. The claims"
         " are judged at 1 % of turbulence, scale 1.5 m.",
         (*INTENSITIES, 0.05),

@@ -1,11 +1,11 @@
 // The line in the hand: dragged by its point, turned by its handle, or moved by keys.  While it is
-// held the server says what would become of it; it goes out when it is let go.
+// held the server says what would become of it; it goes out when it is released.
 
 import { known } from "./dom.js";
 import { alongOf } from "./plane.js";
 
 const LOOKS_MS = 50;
-const KEYS_MS = 350; // after the last key the line is let go
+const KEYS_MS = 350; // after the last key the line is released
 const DEG = 180 / Math.PI;
 
 export class Hand {
