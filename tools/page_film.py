@@ -117,7 +117,9 @@ def play(window: PageWindow, film: Film) -> None:
         x, z = (start[name] + part * (end[name] - start[name]) for name in ("x", "z"))
         mouse.move(*window.at((x, z)))
         film.roll(STEP_S)
-    reached = "Math.hypot(m.ghost.x - page.plane.wish.x, m.ghost.z - page.plane.wish.z) < 0.005"
+    reached = (
+        "Math.hypot(m.ghost.x - page.plane.requested.x, m.ghost.z - page.plane.requested.z) < 0.005"
+    )
     window.until(lambda: window.value(reached))
     film.roll(FIRST_S)
     x, z = window.value("m.ghost.place")

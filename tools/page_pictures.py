@@ -37,7 +37,10 @@ def taken_to_last(window: PageWindow) -> None:
     mouse.move(*window.at(window.line()))
     mouse.down()
     mouse.move(*window.at((last["x"], last["z"])), steps=8)
-    reached = "Math.hypot(m.ghost?.x - page.plane.wish.x, m.ghost?.z - page.plane.wish.z) < 0.005"
+    reached = (
+        "Math.hypot(m.ghost?.x - page.plane.requested.x,"
+        " m.ghost?.z - page.plane.requested.z) < 0.005"
+    )
     window.until(lambda: window.value(reached))
 
 

@@ -364,12 +364,12 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("fault", "reason"), REFUSALS)
-def test_it_refuses_to_engage_and_stays_released_until_the_wish_is_withdrawn(
+def test_it_refuses_to_engage_and_stays_released_until_the_request_is_withdrawn(
     fault: Spoil, reason: str
 ) -> None:
     flight = Flight(ready=False).fly(0.2, fault)
     assert flight.changes() == [("released", reason)]
-    flight.fly(0.5)  # all is well again, and the wish still stands
+    flight.fly(0.5)  # all is well again, and the request still stands
     assert flight.changes() == [("released", reason)]
     assert not any(o.active for o in flight.outputs)
     flight.engage = False

@@ -80,7 +80,7 @@ def test_it_is_added_to_the_soaring_laws_setpoint_and_to_nothing_else() -> None:
         assert moved == pytest.approx(gain * added, abs=1e-9)
 
 
-def test_without_a_wish_a_tick_adds_nothing() -> None:
+def test_without_a_request_a_tick_adds_nothing() -> None:
     before = [output for *_, output in flight() if output.time_s < STARTED_S - 0.01]
     assert {output.excitation.standing for output in before} == {IDLE}
     assert {output.excitation.pitch_rad for output in before} == {0.0}
@@ -123,6 +123,6 @@ def test_whatever_is_odd_ends_it_in_that_tick(what: str) -> None:
     state, after = step(laws, state, inputs)
     assert (after.excitation.standing, after.excitation.pitch_rad) == (expected, 0.0)
     assert after.mode == mode
-    # It stays so while the wish stands, whatever gets better.
+    # It stays so while the request stands, whatever gets better.
     state, later = step(laws, state, inputs._replace(time_s=inputs.time_s + 0.005, engage=True))
     assert later.excitation == after.excitation

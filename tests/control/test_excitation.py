@@ -52,8 +52,8 @@ from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.telemetry import CHUNK
 from tgl_soar.types import VehicleState
 
-WISH = Excitation(radians(1.0), wanted=True)
-NO_WISH = WISH._replace(wanted=False)
+REQUESTED = Excitation(radians(1.0), wanted=True)
+NOT_REQUESTED = REQUESTED._replace(wanted=False)
 DT_S = 0.005
 BEGIN_S = 100.0
 
@@ -65,7 +65,7 @@ def stepped(
     state, states = at_rest(IDLE), []
     for k in range(round(seconds / dt_s)):
         now_s = BEGIN_S + k * dt_s
-        state = excitation_step(WISH, state, now_s, dt_s, (hindrances or {}).get(k, IDLE))
+        state = excitation_step(REQUESTED, state, now_s, dt_s, (hindrances or {}).get(k, IDLE))
         states.append(state)
     return states
 
@@ -87,7 +87,7 @@ def whole() -> np.ndarray:
 def test_it_holds_six_tones_of_one_size_and_nothing_else() -> None:
     window = whole()[round(LEAD_S / DT_S) : round((LEAD_S + WINDOW_S) / DT_S)]
     lines = 2.0 * np.abs(np.fft.rfft(window)) / len(window)
-    assert lines[list(TONES)] == pytest.approx(np.full(6, WISH.amplitude_rad / PEAK), rel=1e-9)
+    assert lines[list(TONES)] == pytest.approx(np.full(6, REQUESTED.amplitude_rad / PEAK), rel=1e-9)
     lines[list(TONES)] = 0.0
     assert np.max(lines) < 1e-12
 
@@ -111,8 +111,8 @@ def crest(phases: tuple[float, ...]) -> float:
 
 def test_its_peak_is_its_amplitude_and_its_crest_is_low() -> None:
     """Of Schroeder's phases for a flat spectrum, phi_n = -pi n (n - 1) / N, the crest is 3.09."""
-    assert np.max(np.abs(whole())) == pytest.approx(WISH.amplitude_rad, rel=5e-3)
-    assert np.max(np.abs(whole())) <= WISH.amplitude_rad
+    assert np.max(np.abs(whole())) == pytest.approx(REQUESTED.amplitude_rad, rel=5e-3)
+    assert np.max(np.abs(whole())) <= REQUESTED.amplitude_rad
     schroeder = tuple(-pi * n * (n - 1) / 6.0 for n in range(1, 7))
     assert crest(schroeder) == pytest.approx(3.09, abs=0.01)
     assert crest(PHASES_RAD) == pytest.approx(1.71, abs=0.01)
@@ -122,8 +122,8 @@ def test_it_begins_and_ends_smoothly() -> None:
     """No tick changes it by more than its fastest tones do: 20 rad/s of 1 deg in 5 ms."""
     added = whole()
     assert added[0] == 0.0
-    assert abs(added[-1]) < 1e-4 * WISH.amplitude_rad
-    assert np.max(np.abs(np.diff(added))) < 20.0 * WISH.amplitude_rad * DT_S
+    assert abs(added[-1]) < 1e-4 * REQUESTED.amplitude_rad
+    assert np.max(np.abs(np.diff(added))) < 20.0 * REQUESTED.amplitude_rad * DT_S
     assert [faded(t) for t in (0.0, LEAD_S / 2.0, LEAD_S, LEAD_S + WINDOW_S)] == pytest.approx(
         [0.0, 0.5, 1.0, 1.0]
     )
@@ -132,37 +132,37 @@ def test_it_begins_and_ends_smoothly() -> None:
 
 def test_it_is_a_function_of_time_and_not_of_ticks() -> None:
     """At another rate, and with ticks that come late, it is the same."""
-    state = excitation_step(WISH, at_rest(IDLE), BEGIN_S, DT_S, IDLE)
+    state = excitation_step(REQUESTED, at_rest(IDLE), BEGIN_S, DT_S, IDLE)
     for elapsed_s in (0.3, 1.7, 2.0, 9.123, 21.9):
-        state = excitation_step(WISH, state, BEGIN_S + elapsed_s, DT_S, IDLE)
+        state = excitation_step(REQUESTED, state, BEGIN_S + elapsed_s, DT_S, IDLE)
         expected = sum(
             cos(2.0 * pi * n * (elapsed_s - LEAD_S) / WINDOW_S + phase)
             for n, phase in zip(TONES, PHASES_RAD, strict=True)
         )
-        wanted_rad = WISH.amplitude_rad * faded(elapsed_s) * expected / PEAK
+        wanted_rad = REQUESTED.amplitude_rad * faded(elapsed_s) * expected / PEAK
         assert state.pitch_rad == pytest.approx(wanted_rad)
 
 
 # --- how it begins and ends ---------------------------------------------------------------------
 
 
-def test_it_runs_once_for_each_wish() -> None:
+def test_it_runs_once_for_each_request() -> None:
     states = stepped(WHOLE_S + 1.0)
     assert states[0].standing == RUNNING
     assert rests(states[-1], DONE)
-    taken_back = excitation_step(NO_WISH, states[-1], 200.0, DT_S, IDLE)
+    taken_back = excitation_step(NOT_REQUESTED, states[-1], 200.0, DT_S, IDLE)
     assert rests(taken_back, IDLE)
-    assert excitation_step(WISH, taken_back, 201.0, DT_S, IDLE).standing == RUNNING
+    assert excitation_step(REQUESTED, taken_back, 201.0, DT_S, IDLE).standing == RUNNING
 
 
 def test_the_operator_ends_it_in_that_tick() -> None:
     running = stepped(10.0)[-1]
     assert running.standing == RUNNING
-    stopped = excitation_step(NO_WISH, running, BEGIN_S + 10.0, DT_S, IDLE)
+    stopped = excitation_step(NOT_REQUESTED, running, BEGIN_S + 10.0, DT_S, IDLE)
     assert rests(stopped, WITHDRAWN)
-    assert rests(excitation_step(NO_WISH, stopped, BEGIN_S + 10.1, DT_S, IDLE), IDLE)
-    # A wish that comes back at once begins anew, from its beginning.
-    again = excitation_step(WISH, stopped, BEGIN_S + 10.1, DT_S, IDLE)
+    assert rests(excitation_step(NOT_REQUESTED, stopped, BEGIN_S + 10.1, DT_S, IDLE), IDLE)
+    # A request that comes back at once starts again, from its beginning.
+    again = excitation_step(REQUESTED, stopped, BEGIN_S + 10.1, DT_S, IDLE)
     assert (again.standing, again.begun_s) == (RUNNING, BEGIN_S + 10.1)
 
 
@@ -191,20 +191,20 @@ def test_a_limit_ends_it_only_when_it_lasts() -> None:
 
 @pytest.mark.parametrize("now_s", [BEGIN_S - 1.0, nan])
 def test_a_clock_that_goes_back_ends_it(now_s: float) -> None:
-    assert rests(excitation_step(WISH, stepped(5.0)[-1], now_s, DT_S, IDLE), CLOCK)
+    assert rests(excitation_step(REQUESTED, stepped(5.0)[-1], now_s, DT_S, IDLE), CLOCK)
 
 
 def test_a_time_that_is_no_number_ends_it() -> None:
-    assert rests(excitation_step(WISH, stepped(5.0)[-1], inf, DT_S, IDLE), DONE)
+    assert rests(excitation_step(REQUESTED, stepped(5.0)[-1], inf, DT_S, IDLE), DONE)
 
 
 def test_another_amplitude_counts_from_the_next_run_on() -> None:
     """A step of it would be no multisine."""
     running = stepped(5.0)[-1]
-    smaller = WISH._replace(amplitude_rad=radians(0.5))
+    smaller = REQUESTED._replace(amplitude_rad=radians(0.5))
     now_s = BEGIN_S + 5.0
     assert excitation_step(smaller, running, now_s, DT_S, IDLE) == excitation_step(
-        WISH, running, now_s, DT_S, IDLE
+        REQUESTED, running, now_s, DT_S, IDLE
     )
 
 

@@ -26,8 +26,8 @@ from tgl_soar.control.landing import (
     along,
     approach_speed,
     escape_height,
+    glide_setpoints,
     glide_step,
-    glide_wish,
     half_width,
     height_left,
     weave,
@@ -314,13 +314,13 @@ def test_no_nose_is_turned_towards_the_slope(bearing_deg: float, veer_deg: float
     for right in (True, False):
         angle = weave(params, right, SLOWEST, nan, high, met, False)
         state = NO_GLIDE._replace(speed_mps=SLOWEST, goes_right=right, weave_rad=angle)
-        wish = glide_wish(params, state, False, True, pitched(0.0), high, met, inf)
+        setpoints = glide_setpoints(params, state, False, True, pitched(0.0), high, met, inf)
         side = 1.0 if right else -1.0
         most = pi / 2.0 + side * bearing
         least = min(landing.WEAVE_RAD, most - max(0.0, side * veer))
         if least > WEAVE_MIN_RAD:
-            assert side * wish.heading_rad == pytest.approx(least, abs=0.01)
-            assert side * wish.heading_rad <= most + 1e-9
+            assert side * setpoints.heading_rad == pytest.approx(least, abs=0.01)
+            assert side * setpoints.heading_rad <= most + 1e-9
         else:
             assert angle == 0.0
 
@@ -347,8 +347,8 @@ def touch_down(
         vehicle = at(k * DT, x_m=x_m, y_m=y_m, z_m=z_m, climb_mps=-sinks)
         met = air(airspeed_mps=speed, wind_mps=u + wrong_mps, cross_wind_mps=cross_mps)
         state, _ = glide_step(params, state, False, True, vehicle, met, z_m, False, DT)
-        wish = glide_wish(params, state, False, True, pitched(0.0), vehicle, met, z_m)
-        wanted_rad = asin(max(-1.0, min(1.0, (wish.sideways_mps - cross_mps) / speed)))
+        setpoints = glide_setpoints(params, state, False, True, pitched(0.0), vehicle, met, z_m)
+        wanted_rad = asin(max(-1.0, min(1.0, (setpoints.sideways_mps - cross_mps) / speed)))
         psi += (wanted_rad - psi) * min(1.0, DT / max(DT, lag_s))
         y_m += (speed * sin(psi) + cross_mps) * DT
         if state.flares:
@@ -439,14 +439,14 @@ def test_what_the_air_slows_has_more_time() -> None:
 
 
 def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
-    state, wish = NO_GLIDE, landing.GlideWish(0.0, 0.0, 0.0, 0.0)
+    state, setpoints = NO_GLIDE, landing.GlideSetpoints(0.0, 0.0, 0.0, 0.0)
     y = worst = 0.0
     for k in range(round(20.0 / DT)):
         vehicle = at(k * DT, x_m=-14.0, y_m=y, z_m=14.0)
         now = air(airspeed_mps=SLOWEST)
         state, _ = glide_step(PARAMS, state, False, True, vehicle, now, 14.0, False, DT)
-        wish = glide_wish(PARAMS, state, False, True, pitched(-0.02), vehicle, now, 14.0)
-        y += wish.sideways_mps * DT
+        setpoints = glide_setpoints(PARAMS, state, False, True, pitched(-0.02), vehicle, now, 14.0)
+        y += setpoints.sideways_mps * DT
         worst = max(worst, abs(y)) if k > 1000 else worst
     assert 3.0 < worst < landing.WEAVE_M + 0.5
 
@@ -524,7 +524,7 @@ def test_an_airspeed_that_is_not_measured_lowers_the_nose_and_does_not_raise_it_
     state = NO_GLIDE._replace(speed_mps=8.4, integral_rad=0.05)
     pitches = pitched(-0.04, slowest_rad=-0.01, fastest_rad=-0.13)
     found = [
-        glide_wish(
+        glide_setpoints(
             PARAMS, state, False, True, pitches, at(), air(airspeed_mps=speed_mps, measured=it), inf
         ).pitch_rad
         for it in (True, False)
@@ -557,14 +557,14 @@ def test_a_stall_is_told_by_the_elevator_and_ends_with_the_nose_down() -> None:
     stalled = held(landing.STALL_S, flown, 2.0)
     assert stalled.stalled
     pitches = pitched(-0.04, slowest_rad=-0.01, fastest_rad=-0.13)
-    wish = glide_wish(PARAMS, stalled, False, True, pitches, at(), air(), 14.0)
-    assert wish.pitch_rad <= -0.13
-    nothing = glide_wish(PARAMS, stalled, False, True, pitched(nan), at(), air(), 14.0)
+    setpoints = glide_setpoints(PARAMS, stalled, False, True, pitches, at(), air(), 14.0)
+    assert setpoints.pitch_rad <= -0.13
+    nothing = glide_setpoints(PARAMS, stalled, False, True, pitched(nan), at(), air(), 14.0)
     assert nothing.pitch_rad <= PARAMS.glide_pitch_rad
     after = held(landing.RECOVER_S + DT, stalled, 3.0, nose_held=False)
     assert after.recovers_s == 0.0
-    wish = glide_wish(PARAMS, after, False, True, pitches, at(), air(), 14.0)
-    assert wish.pitch_rad > -0.13
+    setpoints = glide_setpoints(PARAMS, after, False, True, pitches, at(), air(), 14.0)
+    assert setpoints.pitch_rad > -0.13
     later = held(3.0, after, 5.0, nose_held=False)
     assert later.weave_rad == 0.0  # not on this way home
     assert later.speed_mps == pytest.approx(PARAMS.best_glide_mps)
@@ -591,10 +591,10 @@ def test_what_is_no_stall() -> None:
 def test_speed_is_held_by_pitch() -> None:
     state = NO_GLIDE._replace(speed_mps=9.0)
     for speed, sign in ((10.0, 1.0), (8.0, -1.0)):
-        wish = glide_wish(
+        setpoints = glide_setpoints(
             PARAMS, state, True, True, pitched(-0.03), at(), air(airspeed_mps=speed), inf
         )
-        assert wish.pitch_rad == pytest.approx(-0.03 + sign * landing.KP)
+        assert setpoints.pitch_rad == pytest.approx(-0.03 + sign * landing.KP)
     state, _ = glide_step(PARAMS, state, True, True, at(), air(airspeed_mps=12.0), 10.0, False, 0.1)
     assert state.integral_rad > 0.0
 
@@ -603,8 +603,8 @@ def test_the_flare_holds_a_sink_that_dies_out() -> None:
     falling = at(z_m=1.0, climb_mps=-1.4)
     state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.0, False, DT)
     assert state.flares
-    wish = glide_wish(PARAMS, state, False, True, pitched(-0.03), falling, air(), 1.0)
-    assert wish.pitch_rad == pytest.approx(-0.03 + landing.KF * (1.4 - 1.0) / 8.5)
+    setpoints = glide_setpoints(PARAMS, state, False, True, pitched(-0.03), falling, air(), 1.0)
+    assert setpoints.pitch_rad == pytest.approx(-0.03 + landing.KF * (1.4 - 1.0) / 8.5)
     state, _ = glide_step(PARAMS, NO_GLIDE, False, True, falling, air(), 1.6, False, DT)
     assert not state.flares
     # Without a known ground the height over the place counts.
@@ -614,21 +614,25 @@ def test_the_flare_holds_a_sink_that_dies_out() -> None:
 
 def test_it_returns_to_the_approach_and_into_the_bearing() -> None:
     state = NO_GLIDE._replace(speed_mps=9.0)
-    right = glide_wish(PARAMS, state, False, True, pitched(0.0), at(y_m=2.0), air(), inf)
+    right = glide_setpoints(PARAMS, state, False, True, pitched(0.0), at(y_m=2.0), air(), inf)
     assert right.sideways_mps == pytest.approx(-2.0 / landing.CROSS_S)
     assert right.heading_rad == pytest.approx(-sin(1.0 / 8.5), abs=0.01)
     b = radians(30.0)
     turned = PARAMS._replace(place=PLACE._replace(y_m=0.0, bearing_rad=b))
     x, y = -27.0 + 20.0 * cos(b), -20.0 * sin(b)
-    wish = glide_wish(turned, state, False, True, pitched(0.0), at(x_m=x, y_m=y), air(), inf)
+    setpoints = glide_setpoints(
+        turned, state, False, True, pitched(0.0), at(x_m=x, y_m=y), air(), inf
+    )
     v = sqrt(8.5**2 - (7.0 * sin(b)) ** 2) - 7.0 * cos(b)
-    assert wish.sideways_mps == pytest.approx(v * sin(b))
+    assert setpoints.sideways_mps == pytest.approx(v * sin(b))
 
 
 def test_without_a_position_it_glides_straight_on() -> None:
     state, speed = glide_step(PARAMS, NO_GLIDE, False, False, at(), air(), inf, False, DT)
-    wish = glide_wish(PARAMS, state, False, False, pitched(-0.03), at(y_m=9.0), air(), inf)
-    assert (wish.heading_rad, wish.sideways_mps) == (0.0, 0.0)
+    setpoints = glide_setpoints(
+        PARAMS, state, False, False, pitched(-0.03), at(y_m=9.0), air(), inf
+    )
+    assert (setpoints.heading_rad, setpoints.sideways_mps) == (0.0, 0.0)
     assert speed == pytest.approx(8.5, abs=0.1)
 
 
@@ -688,5 +692,9 @@ def test_the_glide_is_a_number_whatever_the_best_speed_and_the_polar_are(best_mp
                 glide, _ = glide_step(
                     params, NO_GLIDE, False, True, vehicle, now, height, False, DT
                 )
-                wish = glide_wish(params, glide, False, True, pitched(nan), vehicle, now, height)
-                assert isfinite(wish.pitch_rad + wish.heading_rad + wish.sideways_mps)
+                setpoints = glide_setpoints(
+                    params, glide, False, True, pitched(nan), vehicle, now, height
+                )
+                assert isfinite(
+                    setpoints.pitch_rad + setpoints.heading_rad + setpoints.sideways_mps
+                )

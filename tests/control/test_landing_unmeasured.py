@@ -14,8 +14,8 @@ from tgl_soar.control.airspeed_error import NOSE_S, SPREAD_MPS, airspeed_error, 
 from tgl_soar.control.landing import (
     NO_GLIDE,
     GlideState,
+    glide_setpoints,
     glide_step,
-    glide_wish,
     half_width,
     slowest_known,
     steeper_bank,
@@ -53,10 +53,10 @@ def flown_home(misread_mps: float, *, z_m: float, measured: bool = False) -> Flo
         read = true_mps + misread_mps
         met = air(airspeed_mps=read, wind_mps=wind_mps + misread_mps)._replace(measured=measured)
         state, _ = glide_step(params, state, False, True, vehicle, met, z_m, False, DT)
-        wish = glide_wish(params, state, False, True, pitched(0.0), vehicle, met, z_m)
+        setpoints = glide_setpoints(params, state, False, True, pitched(0.0), vehicle, met, z_m)
         told = min(0.0, airspeed_error(state.airspeed_error))
         true_mps += (state.speed_mps - read - told) * DT / 1.5
-        psi += (wish.heading_rad - psi) * DT / 0.9
+        psi += (setpoints.heading_rad - psi) * DT / 0.9
         path += (1.0 - exp(-DT / NOSE_S)) * (sin(psi) - path)
         x_m -= (true_mps - wind_mps) * DT
         y_m += sideways * DT
@@ -152,7 +152,7 @@ def test_the_nose_goes_down_by_what_turning_has_told() -> None:
     for by_both in (-9.0, 0.0, 9.0):
         state = NO_GLIDE._replace(speed_mps=9.2, airspeed_error=slow._replace(by_both=by_both))
         pitches = pitched(-0.04, slowest_rad=0.3)
-        found += [glide_wish(PARAMS, state, False, True, pitches, at(), air(), inf).pitch_rad]
+        found += [glide_setpoints(PARAMS, state, False, True, pitches, at(), air(), inf).pitch_rad]
     error = -9.0 * error_sigma(slow) ** 2
     assert error < -1.0
     assert found[0] == pytest.approx(found[1] + landing.KP * error)
@@ -178,7 +178,9 @@ def test_what_comes_from_high_up_weaves_no_wider_near_the_ground() -> None:
 def steeper(
     over_m: float, *, weave_rad: float = 0.9, by_nose2: float = 1.0, **changes: Any
 ) -> float:
-    """What a wish has of it at a height over the straight rest; by_nose2: what turns have told."""
+    """What the setpoints have of it at a height over the straight rest.
+
+    by_nose2: what turns have shown."""
     told = NO_GLIDE.airspeed_error._replace(
         nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=by_nose2
     )
@@ -187,8 +189,10 @@ def steeper(
         speed_mps=9.2, weave_rad=weave_rad, airspeed_error=told, stalled=stalled
     )
     high = at(x_m=-14.0, z_m=PARAMS.place.z_m + landing.FINAL_M + over_m)
-    wish = glide_wish(PARAMS, state, False, True, pitched(-0.04), high, air(**changes), inf)
-    return wish.steeper
+    setpoints = glide_setpoints(
+        PARAMS, state, False, True, pitched(-0.04), high, air(**changes), inf
+    )
+    return setpoints.steeper
 
 
 def test_it_banks_steeper_high_up_alone() -> None:

@@ -253,7 +253,7 @@ def test_boot_ends_when_every_stream_was_seen() -> None:
     )
 
 
-def test_released_ends_exactly_when_the_wish_is_withdrawn() -> None:
+def test_released_ends_exactly_when_the_request_is_withdrawn() -> None:
     everything = walk(s.RELEASED)
     assert np.array_equal(everything.to == s.RELEASED, everything.has(s.ENGAGE))
     gone = everything.to != s.RELEASED
@@ -308,9 +308,9 @@ def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
 def test_the_way_home_is_given_up_for_the_line_inside_the_fence_alone(mode: int) -> None:
     everything = walk(mode)
     back = everything.to == s.CAPTURING
-    wish = everything.has(VITAL | s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED)
-    wish &= everything.has(s.INSIDE_LEE | s.NOT_BLIND)
-    assert np.array_equal(back, wish)
+    expected = everything.has(VITAL | s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED)
+    expected &= everything.has(s.INSIDE_LEE | s.NOT_BLIND)
+    assert np.array_equal(back, expected)
     assert np.all(everything.action[back] == s.NEW_LINE)
 
 
@@ -844,7 +844,7 @@ def test_a_short_gap_keeps_the_line(gap_s: float, action: int) -> None:
 def test_a_restart_or_a_disarming_in_flight_disengages_and_stays_so() -> None:
     flown = soaring().look(WELL, boots=1)
     assert flown.changes[-1][1:] == (s.RELEASED, s.REASON_REBOOTED)
-    flown.look(WELL, 10.0, boots=1)  # the wish still stands
+    flown.look(WELL, 10.0, boots=1)  # the request still stands
     assert flown.state.mode == s.RELEASED
     flown = soaring().look(WELL, armed=False)
     assert flown.changes[-1][1:] == (s.RELEASED, s.REASON_DISARMED)
@@ -916,10 +916,10 @@ def test_trouble_and_its_end_count_again_from_where_the_clock_went_back() -> Non
 
 
 @settings(deadline=None, max_examples=60)
-@given(seed=st.integers(0, 2**32), flips=st.integers(1, 24), wish=st.booleans())
-@example(seed=5151417, flips=12, wish=True)  # a position that comes back in the next tick
-def test_noise_cannot_make_it_chatter(seed: int, flips: int, wish: bool) -> None:
-    """Any conditions flicker at random, at any rate, from tick to tick: all but the wish.
+@given(seed=st.integers(0, 2**32), flips=st.integers(1, 24), engaged=st.booleans())
+@example(seed=5151417, flips=12, engaged=True)  # a position that comes back in the next tick
+def test_noise_cannot_make_it_chatter(seed: int, flips: int, engaged: bool) -> None:
+    """Any conditions flicker at random, at any rate, from tick to tick: all but the request.
 
     What disengages ends it, so that is left out most of the time.  Of every two changes between
     modes that fly one has waited for MINIMUM_S or longer, or the cause has lasted for TROUBLE_S and
@@ -933,7 +933,7 @@ def test_noise_cannot_make_it_chatter(seed: int, flips: int, wish: bool) -> None
         flickers &= ~(VITAL | s.NEAR_LINE | s.INSIDE_FENCE)
     flickers &= ~s.ENGAGE
     flown = Flown().look(WELL & ~s.ENGAGE, 0.05)
-    steady = WELL if wish else WELL & ~s.ENGAGE
+    steady = WELL if engaged else WELL & ~s.ENGAGE
     more = random.Random(seed + 1)
     searches = more.choice([0, s.SEARCH, SOUGHT])
     share = dice.choice([0.01, 0.1, 0.5, 0.9])

@@ -84,7 +84,7 @@ def test_engaging_must_name_us_and_letting_go_need_not(
 def test_an_engagement_is_in_progress_until_the_aircraft_is_on_its_line() -> None:
     commands = server()
     answer = commands.handle(STATION, command(ENGAGE), 10.0)
-    assert (answer.outbound, answer.wish) == ([], ENGAGE)  # the entry checks come first
+    assert (answer.outbound, answer.request) == ([], ENGAGE)  # the entry checks come first
     assert flying(commands) == [IN_PROGRESS]
     assert commands.poll(10.9) == []
     assert commands.poll(11.0) == [
@@ -128,7 +128,7 @@ def test_an_engagement_that_ends_before_its_line_failed_or_was_cancelled(
 def test_what_holds_an_engagement_back_is_reported() -> None:
     commands = server()
     answer = commands.handle(STATION, command(ENGAGE), 10.0, held_back="aborted")
-    assert (results(answer.outbound), answer.wish, answer.reason) == (
+    assert (results(answer.outbound), answer.request, answer.reason) == (
         [REJECTED],
         NOTHING,
         "aborted",
@@ -138,7 +138,7 @@ def test_what_holds_an_engagement_back_is_reported() -> None:
 @pytest.mark.parametrize("number", [ENGAGE, RELEASE, ABORT])
 def test_a_stranger_is_denied(number: int) -> None:
     answer = server().handle(STATION, command(number), 10.0, forbidden="not an operator")
-    assert (results(answer.outbound), answer.wish) == ([DENIED], NOTHING)
+    assert (results(answer.outbound), answer.request) == ([DENIED], NOTHING)
     assert answer.reason == "not an operator"
 
 
@@ -147,24 +147,24 @@ def test_a_stranger_is_denied(number: int) -> None:
 
 def test_a_repeated_command_is_answered_the_same_and_not_done_twice() -> None:
     commands = server()
-    assert commands.handle(STATION, command(ENGAGE), 10.0).wish == ENGAGE
+    assert commands.handle(STATION, command(ENGAGE), 10.0).request == ENGAGE
     again = commands.handle(STATION, command(ENGAGE, confirmation=1), 11.0)
-    assert (results(again.outbound), again.wish) == ([IN_PROGRESS], NOTHING)
+    assert (results(again.outbound), again.request) == ([IN_PROGRESS], NOTHING)
     flying(commands, settled=True)
-    assert commands.handle(STATION, command(RELEASE), 12.0).wish == RELEASE
+    assert commands.handle(STATION, command(RELEASE), 12.0).request == RELEASE
     # This one was on its way for long: it must not engage what was released since.
     late = commands.handle(STATION, command(ENGAGE, confirmation=2), 13.0)
-    assert (results(late.outbound), late.wish) == ([ACCEPTED], NOTHING)
+    assert (results(late.outbound), late.request) == ([ACCEPTED], NOTHING)
     released = commands.handle(STATION, command(RELEASE, confirmation=1), 13.0)
-    assert (results(released.outbound), released.wish) == ([ACCEPTED], NOTHING)
+    assert (results(released.outbound), released.request) == ([ACCEPTED], NOTHING)
 
 
 def test_a_repetition_whose_first_was_lost_is_done() -> None:
     commands = server()
-    assert commands.handle(STATION, command(ENGAGE, confirmation=1), 10.0).wish == ENGAGE
-    assert commands.handle(OTHER, command(ENGAGE, confirmation=1), 10.0).wish == ENGAGE
-    assert commands.handle(STATION, command(RELEASE, confirmation=3), 50.0).wish == RELEASE
-    assert commands.handle(STATION, command(RELEASE, confirmation=3), 70.0).wish == RELEASE
+    assert commands.handle(STATION, command(ENGAGE, confirmation=1), 10.0).request == ENGAGE
+    assert commands.handle(OTHER, command(ENGAGE, confirmation=1), 10.0).request == ENGAGE
+    assert commands.handle(STATION, command(RELEASE, confirmation=3), 50.0).request == RELEASE
+    assert commands.handle(STATION, command(RELEASE, confirmation=3), 70.0).request == RELEASE
 
 
 def test_every_station_that_waits_is_answered() -> None:
@@ -184,14 +184,14 @@ def test_senders_are_remembered_in_bounds() -> None:
 
 def test_refused_strangers_crowd_out_no_memory() -> None:
     commands = server()
-    assert commands.handle(STATION, command(ENGAGE), 10.0).wish == ENGAGE
-    assert commands.handle(STATION, command(RELEASE), 10.5).wish == RELEASE
+    assert commands.handle(STATION, command(ENGAGE), 10.0).request == ENGAGE
+    assert commands.handle(STATION, command(RELEASE), 10.5).request == RELEASE
     for system in range(20):
         stranger = Source(system, 7)
         answer = commands.handle(stranger, command(ABORT), 11.0 + system, forbidden="no")
         assert results(answer.outbound) == [DENIED]
     late = commands.handle(STATION, command(ENGAGE, confirmation=1), 19.0)
-    assert late.wish == NOTHING  # a late repetition must not undo the release
+    assert late.request == NOTHING  # a late repetition must not undo the release
 
 
 def test_strangers_set_no_rates() -> None:
@@ -210,9 +210,9 @@ def test_a_flood_is_answered_in_bounds_and_keeps_nobody_from_letting_go() -> Non
         answers += len(commands.handle(STATION, command(400), now_s).outbound)
         answers += len(commands.handle(OTHER, command(ENGAGE), now_s, forbidden="no").outbound)
     assert answers <= 20 + 2 * 20 + 1
-    assert commands.handle(STATION, command(RELEASE), 2.0).wish == RELEASE
-    assert commands.handle(STATION, command(ABORT), 2.0).wish == ABORT
-    assert commands.handle(STATION, command(ENGAGE), 2.0).wish == ENGAGE
+    assert commands.handle(STATION, command(RELEASE), 2.0).request == RELEASE
+    assert commands.handle(STATION, command(ABORT), 2.0).request == ABORT
+    assert commands.handle(STATION, command(ENGAGE), 2.0).request == ENGAGE
 
 
 # --- messages ---------------------------------------------------------------------------------
@@ -278,8 +278,8 @@ def test_whatever_is_commanded_gets_one_answer_at_most(
     assert len(results(answer.outbound)) == (number != ENGAGE)
     assert ours.counters.unsupported == results(answer.outbound).count(UNSUPPORTED)
     if number not in (ENGAGE, RELEASE, ABORT):
-        assert answer.wish == NOTHING
-    if not 510 <= number <= 520 and answer.wish == NOTHING:
+        assert answer.request == NOTHING
+    if not 510 <= number <= 520 and answer.request == NOTHING:
         assert results(answer.outbound) == [UNSUPPORTED]
 
 
@@ -375,11 +375,11 @@ def test_every_engagement_follows_a_low_that_was_seen(pulses: list[int]) -> None
     switch = PilotSwitch()
     lows = engagements = 0
     for i, pulse in enumerate(pulses):
-        wish = take(switch, pulse, i * 0.1)
-        lows += wish == RELEASE
-        engagements += wish == ENGAGE
+        request = take(switch, pulse, i * 0.1)
+        lows += request == RELEASE
+        engagements += request == ENGAGE
         assert engagements <= lows
-        assert (wish == RELEASE) == (pulse == LOW)
+        assert (request == RELEASE) == (pulse == LOW)
 
 
 def test_an_abort_stands_until_somebody_releases() -> None:

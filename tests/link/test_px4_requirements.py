@@ -9,7 +9,7 @@ import pytest
 from tgl_soar.config.files import load_airframe
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
-from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, wish
+from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, remedy
 from tgl_soar.sim.firmware.px4 import flight_parameters
 
 AIRFRAME = load_airframe(Path(__file__).parents[2] / "config/airframes/eclipson_c.toml")
@@ -93,7 +93,7 @@ def test_each_wrong_one_is_named_with_the_way_out(
     route: str, name: str, value: float, words: str
 ) -> None:
     (found,) = wrong(route, HALL, **{name: value})
-    assert wish(found) == words
+    assert remedy(found) == words
     assert found.requirement.why
 
 
@@ -109,5 +109,5 @@ def test_an_old_release_answers_by_its_own_names() -> None:
     rows = flavour("px4", "attitude", CHANNELS, 1).requirements(HALL)
     assert [f for f in compare(rows, old) if not f.ok and f.requirement.level == MUST] == []
     old["EKF2_AID_MASK"] = 1.0
-    wanted = [wish(f) for f in compare(rows, old) if not f.ok and f.requirement.level == MUST]
+    wanted = [remedy(f) for f in compare(rows, old) if not f.ok and f.requirement.level == MUST]
     assert wanted == ["set bit 3 of EKF2_AID_MASK (to 9)", "set bit 4 of EKF2_AID_MASK (to 17)"]

@@ -9,7 +9,7 @@ import pytest
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.link.autopilots import FIRMWARES, flavour, routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, value_bytewise
-from tgl_soar.link.autopilots.requirements import RELATIONS, Requirement, compare, wish
+from tgl_soar.link.autopilots.requirements import RELATIONS, Requirement, compare, remedy
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
     CommandLong,
@@ -367,7 +367,7 @@ def test_a_requirement_holds_or_says_what_to_set(
     assert fine.ok
     assert fine.name == "OLD"
     assert not wrong.ok
-    assert "NEW" in wish(wrong)
+    assert "NEW" in remedy(wrong)
     assert silent.value is None
     assert not silent.ok
     assert compare((row._replace(missing_ok=True),), {})[0].ok
@@ -380,7 +380,7 @@ def test_what_is_no_number_meets_no_requirement(relation: str, value: float) -> 
     row = Requirement(names=("X",), relation=relation, wanted=1.0, why="because")
     (found,) = compare((row,), {"X": value})
     assert not found.ok
-    assert "X" in wish(found)
+    assert "X" in remedy(found)
 
 
 def test_every_route_says_all_that_people_must_know() -> None:

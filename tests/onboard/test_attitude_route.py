@@ -208,7 +208,7 @@ def test_a_station_that_repeats_itself_does_not_overwrite_the_pilot_s_choice(
     firmware: str, chosen: int
 ) -> None:
     """Stations set OP_ENGAGE up to three times more, a second apart, where no answer reaches
-    them: that is the wish of before the pilot's choice."""
+    them: that is the request of before the pilot's choice."""
     flight = Guided(firmware)
     flight.enters = False
     flight.run(1.6)

@@ -238,7 +238,7 @@ def test_crafted_datagrams_in_a_tracker_s_name_hold_up_a_tick_by_one_of_them(
         (["--spin", "0"], RealtimeOptions(None, 0.0, False)),
     ],
 )
-def test_what_is_asked_for_is_wished_for(
+def test_what_is_asked_for_is_requested_of_the_process(
     options: list[str], realtime_options: RealtimeOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given: list[RealtimeOptions] = []

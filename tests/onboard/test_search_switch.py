@@ -26,7 +26,7 @@ from tgl_soar.control.search.glimpse import (
     SOARING,
     TOO_LOW,
     Glimpse,
-    LineWish,
+    LineRequest,
     SearchTask,
     task_of,
 )
@@ -61,11 +61,11 @@ class ReportedSearch:
     def __init__(self) -> None:
         self.tasks: list[SearchTask] = []
         self.glimpses: list[Glimpse | None] = []
-        self.answer: LineWish | None = None  # to what is asked; None: it is silent
+        self.answer: LineRequest | None = None  # to what is asked; None: it is silent
         self.late = 0  # glimpses that it has not got to yet
         self.has_room = True  # for what it is told
         self.failure = ""
-        self._answers: list[LineWish] = []  # that were not received yet
+        self._answers: list[LineRequest] = []  # that were not received yet
 
     def begin(self, task: SearchTask) -> bool:
         if self.has_room:
@@ -86,13 +86,13 @@ class ReportedSearch:
             answer = self.answer._replace(time_s=glimpse.now.time_s, search=glimpse.search)
             self._answers.append(answer)
 
-    def receive(self) -> LineWish | None:
+    def receive(self) -> LineRequest | None:
         newest = self._answers[-1] if self._answers else None
         self._answers.clear()
         return newest
 
-    def wishes(self, x_m: float, lean_deg: float = 15.0, status: int = LOOKING) -> None:
-        self.answer = LineWish(
+    def requests(self, x_m: float, lean_deg: float = 15.0, status: int = LOOKING) -> None:
+        self.answer = LineRequest(
             target=TargetLine(x_m, 0.0, eta_from_lean(radians(lean_deg))),
             status=status,
             reason=NO_REASON,
@@ -112,7 +112,7 @@ def searching(**changes: float) -> tuple[Flight, ReportedSearch]:
     """Engaged with a search that wants the line to stay."""
     search = ReportedSearch()
     flight = Flight(flown=equipped(**changes), search=search)
-    search.wishes(0.0)
+    search.requests(0.0)
     flight.run(1.0)
     flight.set("SRCH_START", 1.0)
     flight.engaged().run(0.5)
@@ -131,7 +131,7 @@ def words(flight: Flight) -> list[str]:
 def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says_so() -> None:
     flight, search = searching()
     assert "searching: searches for a place to soar" in words(flight)
-    search.wishes(0.1, lean_deg=20.0)
+    search.requests(0.1, lean_deg=20.0)
     flight.run(0.25)
     shown = {m.param_id: m.param_value for m in flight.said("PARAM_VALUE")}
     assert shown["TGL_X"] == pytest.approx(0.1)
@@ -140,12 +140,12 @@ def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says
     line = flight.onboard.output.line  # type: ignore[union-attr]
     assert line.moving
     assert line.x_m < 0.02  # it slides there, at TGL_SLEW
-    search.wishes(0.0, status=SOARING)
+    search.requests(0.0, status=SOARING)
     flight.run(9.0)
     assert flight.mode_now == SOARS
     assert value(flight, "SRCH_START") == 2.0
     # The claim is withdrawn, and so is the mode.
-    search.wishes(0.0)
+    search.requests(0.0)
     flight.run(0.3)
     assert flight.mode_now == SEARCHING
     assert value(flight, "SRCH_START") == 1.0
@@ -159,7 +159,7 @@ def test_the_search_knows_whether_there_is_power_left() -> None:
         flown = equipped()._replace(aerodynamics=propelled)
         values = flown.parameters.changed({"THR_BUDGET": budget_s})
         flight = Flight(flown=flown._replace(parameters=values), search=search)
-        search.wishes(0.0)
+        search.requests(0.0)
         flight.run(1.0)
         flight.set("SRCH_START", 1.0)
         flight.engaged().run(2.0)
@@ -214,11 +214,11 @@ def test_it_does_not_learn_the_air_from_a_hand() -> None:
 @pytest.mark.parametrize("name", ["TGL_X", "TGL_LEAN", "TGL_SLEW"])
 def test_an_operator_takes_the_line_back_at_any_moment(name: str) -> None:
     flight, search = searching()
-    search.wishes(0.3)
+    search.requests(0.3)
     flight.run(0.25)
     wanted = {"TGL_X": -0.2, "TGL_LEAN": 12.0, "TGL_SLEW": 0.25}[name]
     flight.set(name, wanted)
-    search.wishes(-0.4)
+    search.requests(-0.4)
     flight.run(0.3)
     assert value(flight, "SRCH_START") == 0.0
     assert value(flight, name) == pytest.approx(wanted)
@@ -231,7 +231,7 @@ def test_an_operator_takes_the_line_back_at_any_moment(name: str) -> None:
 def test_the_operators_0_ends_it() -> None:
     flight, search = searching()
     flight.set("SRCH_START", 0.0)
-    search.wishes(0.4)
+    search.requests(0.4)
     flight.run(0.3)
     assert flight.mode_now == CAPTURING
     assert value(flight, "TGL_X") == pytest.approx(0.0, abs=0.01)
@@ -256,13 +256,13 @@ def test_given_up_it_hands_over_with_the_reason_and_the_height() -> None:
 def test_a_line_outside_the_fence_is_not_flown_and_the_search_is_reported() -> None:
     flight, search = searching()
     x_m = value(flight, "TGL_X")
-    search.wishes(7.0)
+    search.requests(7.0)
     flight.run(0.25)
     assert value(flight, "TGL_X") == x_m
     flight.run(0.3)
     last = [g for g in search.glimpses if g is not None]
     assert any(g.refused for g in last)
-    search.wishes(0.0, lean_deg=50.0)  # beyond TGL_LEAN_MAX
+    search.requests(0.0, lean_deg=50.0)  # beyond TGL_LEAN_MAX
     flight.run(0.25)
     assert value(flight, "TGL_LEAN") == 15.0
     assert flight.mode_now == SEARCHING
@@ -271,7 +271,7 @@ def test_a_line_outside_the_fence_is_not_flown_and_the_search_is_reported() -> N
 def test_the_point_of_the_line_is_where_the_aircraft_is_to_settle() -> None:
     """A point beyond the fence is one of a line that is not: another of its points will do."""
     flight, search = searching()
-    search.wishes(7.0)
+    search.requests(7.0)
     assert search.answer is not None
     far = search.answer.target._replace(z_m=-7.0 / tan(radians(15.0)))
     search.answer = search.answer._replace(target=far, place_x_m=-0.5, place_z_m=2.0)
@@ -284,7 +284,7 @@ def test_the_point_of_the_line_is_where_the_aircraft_is_to_settle() -> None:
 
 def test_a_search_that_dies_or_is_late_ends_and_the_line_goes_on() -> None:
     flight, search = searching()
-    search.wishes(0.6)
+    search.requests(0.6)
     flight.run(0.3)
     search.answer, search.failure = None, "its process has died"
     flight.run(0.1)
@@ -346,9 +346,9 @@ def test_what_an_ended_flight_had_asked_does_not_end_the_next() -> None:
 def test_what_an_ended_search_had_asked_is_not_obeyed_by_the_next(status: int) -> None:
     flight, search = searching()
     flight.set("SRCH_START", 0.0)
-    search.wishes(0.9, status=status)
+    search.requests(0.9, status=status)
     search.answers(asked_last(search))  # it was under way
-    search.wishes(0.0)
+    search.requests(0.0)
     flight.run(0.01)
     flight.set("SRCH_START", 1.0)
     flight.run(0.01)
@@ -376,7 +376,7 @@ def test_what_found_no_room_is_sent_again() -> None:
     """The task, the word that a line was refused, and that the flight is over."""
     search = ReportedSearch()
     flight = Flight(flown=equipped(), search=search)
-    search.wishes(0.0)
+    search.requests(0.0)
     search.has_room = False
     flight.run(1.0)
     flight.set("SRCH_START", 1.0)
@@ -386,7 +386,7 @@ def test_what_found_no_room_is_sent_again() -> None:
     flight.run(0.5)
     assert len(search.tasks) == 1
     assert search.glimpses
-    search.wishes(7.0)
+    search.requests(7.0)
     flight.run(LOOK_S)
     search.has_room = False
     flight.run(2.0 * LOOK_S)
@@ -412,7 +412,7 @@ def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
     before = len(search.glimpses)
     ticks(flight, mode, LATE_S + 1.0)
     assert len(search.glimpses) == before
-    search.wishes(0.4)
+    search.requests(0.4)
     search.answers(asked_last(search))  # of so long ago it is not obeyed
     search.answer = None
     ticks(flight, mode, 0.01)
@@ -428,7 +428,7 @@ def test_on_the_way_home_there_is_no_search(mode: int) -> None:
     flight, search = searching()
     flight.said()
     before, x_m = len(search.glimpses), value(flight, "TGL_X")
-    search.wishes(0.4)
+    search.requests(0.4)
     ticks(flight, mode, LATE_S + 1.0)
     assert len(search.glimpses) == before
     assert value(flight, "TGL_X") == x_m
@@ -463,7 +463,7 @@ def test_who_soars_on_from_the_way_home_is_not_released_by_a_search_that_had_giv
     flight.set("ESC_START", 2.0)
     flight.run(1.0)
     assert flight.mode_now == CAPTURING
-    search.wishes(0.0)
+    search.requests(0.0)
     flight.set("SRCH_START", 1.0)  # and another one begins
     flight.run(0.5)
     assert flight.mode_now == SEARCHING
@@ -524,7 +524,7 @@ def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
     lost = output._replace(forecast=output.forecast._replace(standing=SINKS))
     onboard._switches.tick(lost)
     assert value(flight, "SRCH_START") == 1.0
-    search.wishes(0.0)
+    search.requests(0.0)
     flight.run(0.5)
     assert flight.mode_now == SEARCHING
     flight.set("TGL_X", 0.1)
@@ -626,7 +626,7 @@ def tunnel_task() -> SearchTask:
     return task_of(laws)
 
 
-def wait_for(search: SearchBeside) -> LineWish | None:
+def wait_for(search: SearchBeside) -> LineRequest | None:
     until = time.monotonic() + 60.0  # a busy machine starts slowly
     while time.monotonic() < until and not search.failure:
         if (answer := search.receive()) is not None:

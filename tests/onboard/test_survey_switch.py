@@ -165,7 +165,7 @@ def test_the_operators_0_stops_the_line_where_it_is() -> None:
 
 def test_a_search_that_begins_ends_it() -> None:
     search = ReportedSearch()
-    search.wishes(0.0)
+    search.requests(0.0)
     flight = soaring(search)
     flight.set("SRV_START", 1.0)
     flight.run(6.0)

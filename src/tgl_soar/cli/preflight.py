@@ -17,7 +17,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.loop_margin import FLOOR
-from tgl_soar.link.autopilots.requirements import MUST, wish
+from tgl_soar.link.autopilots.requirements import MUST, remedy
 from tgl_soar.link.checks.preflight import Preflight
 from tgl_soar.link.keys import SigningError
 from tgl_soar.link.transport import baud_of
@@ -151,7 +151,7 @@ def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:
             must = finding.requirement.level == MUST
             mark = "ok" if finding.ok else "[red]MUST[/red]" if must else "[yellow]should[/yellow]"
             now = "no answer" if finding.value is None else f"{finding.value:g}"
-            do = finding.name if finding.ok else wish(finding)
+            do = finding.name if finding.ok else remedy(finding)
             table.add_row(mark, now, do, finding.requirement.why)
         console.print(table)
     for words in (refusal, too_slow):

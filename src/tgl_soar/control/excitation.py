@@ -97,14 +97,14 @@ def at_rest(standing: int) -> ExcitationState:
 
 
 def excitation_step(
-    wish: Excitation, state: ExcitationState, now_s: float, dt_s: float, hindrance: int
+    requested: Excitation, state: ExcitationState, now_s: float, dt_s: float, hindrance: int
 ) -> ExcitationState:
     """One step.
 
     hindrance: what is against it now; IDLE: nothing.  LIMITED counts only once it has lasted.
-    Once ended it rests until the operator has taken the wish back.
+    Once ended it rests until the operator has withdrawn the request.
     """
-    if not wish.wanted:
+    if not requested.wanted:
         return at_rest(WITHDRAWN if state.standing == RUNNING else IDLE)
     limited_s = state.limited_s + dt_s if hindrance == LIMITED else 0.0
     if hindrance == LIMITED and limited_s <= LIMITED_S:
@@ -114,7 +114,7 @@ def excitation_step(
             return at_rest(hindrance)
         return ExcitationState(
             begun_s=now_s,
-            amplitude_rad=wish.amplitude_rad,
+            amplitude_rad=requested.amplitude_rad,
             standing=RUNNING,
             pitch_rad=0.0,
             limited_s=limited_s,

@@ -227,7 +227,7 @@ class GlidePitches(NamedTuple):
     fastest_rad: float
 
 
-class GlideWish(NamedTuple):
+class GlideSetpoints(NamedTuple):
     """What the glide home asks of the attitude loops."""
 
     pitch_rad: float
@@ -535,7 +535,7 @@ def flare_height(params: LandingParams, vehicle: VehicleState, clearance_m: floa
     return vehicle.z_m - params.place.z_m if params.place.length_m > 0.0 else INFINITE
 
 
-def glide_wish(
+def glide_setpoints(
     params: LandingParams,
     state: GlideState,
     outward: bool,
@@ -544,7 +544,7 @@ def glide_wish(
     vehicle: VehicleState,
     air: AirEstimate,
     clearance_m: float,
-) -> GlideWish:
+) -> GlideSetpoints:
     """What follows of it."""
     air = corrected_air(state.airspeed_error, air)
     known = pitches.wanted_rad == pitches.wanted_rad  # not NaN
@@ -564,10 +564,10 @@ def glide_wish(
             fastest = pitches.fastest_rad
             pitch = min(pitch, fastest if fastest == fastest else params.glide_pitch_rad)
     if not (position_ok and params.place.length_m > 0.0):
-        return GlideWish(pitch, 0.0, 0.0, 0.0)
+        return GlideSetpoints(pitch, 0.0, 0.0, 0.0)
     if state.weave_rad != 0.0:
         steeper = _steeper(params, state, vehicle, air)
-        return GlideWish(pitch, state.weave_rad, speed * sin(state.weave_rad), steeper)
+        return GlideSetpoints(pitch, state.weave_rad, speed * sin(state.weave_rad), steeper)
     bearing = params.escape_rad if outward else params.place.bearing_rad
     wind = air.wind_mps if air.wind_mps == air.wind_mps else 0.0
     forward = ground_speed(speed, wind, 0.0, bearing)
@@ -579,7 +579,7 @@ def glide_wish(
     drift = cross_wind(air)
     heading = asin(max(-1.0, min(1.0, (sideways - drift) / max(speed, 1.0))))
     most = params.heading_max_rad
-    return GlideWish(pitch, max(-most, min(most, heading)), sideways, 0.0)
+    return GlideSetpoints(pitch, max(-most, min(most, heading)), sideways, 0.0)
 
 
 def _steeper(

@@ -27,10 +27,10 @@ from tgl_soar.control.landing import (
     NO_GLIDE,
     STALL_RAD,
     GlidePitches,
+    GlideSetpoints,
     GlideState,
-    GlideWish,
+    glide_setpoints,
     glide_step,
-    glide_wish,
     slowest_known,
     steeper_bank,
 )
@@ -294,26 +294,26 @@ def passage_guide(
     """Pitch, bank and heading of these modes without a line.  limited: the last command."""
     below = estimates.vehicle.pitch_rad < soaring.pitch_setpoint_rad - STALL_RAD
     nose_held = below and limited.elevator_blocked > 0
-    state, wish = _wish(laws, state, mode, estimates, nose_held, dt_s)
-    soaring, terms = gliding_step(laws.soaring, soaring, wish.pitch_rad, dt_s)
+    state, setpoints = _glide_setpoints(laws, state, mode, estimates, nose_held, dt_s)
+    soaring, terms = gliding_step(laws.soaring, soaring, setpoints.pitch_rad, dt_s)
     sideways_terms = sideways_held(sideways)
-    if wish.sideways_mps == wish.sideways_mps and laws.loops != THEIRS:
+    if setpoints.sideways_mps == setpoints.sideways_mps and laws.loops != THEIRS:
         age_s = estimates.memory.gain_age_s
         bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
         gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
-        if wish.steeper > 0.0:
-            bank = steeper_bank(laws.landing, gains.output_max, wish.steeper)
+        if setpoints.steeper > 0.0:
+            bank = steeper_bank(laws.landing, gains.output_max, setpoints.steeper)
             gains = gains._replace(output_min=-bank, output_max=bank)
-        error = wish.sideways_mps - estimates.vehicle.velocity_y_mps
+        error = setpoints.sideways_mps - estimates.vehicle.velocity_y_mps
         sideways, sideways_terms = pid_step(
             gains, sideways, error, error, 0.0, dt_s, limited.aileron_blocked
         )
-    return state, soaring, terms, sideways, sideways_terms, wish.heading_rad
+    return state, soaring, terms, sideways, sideways_terms, setpoints.heading_rad
 
 
-def _wish(
+def _glide_setpoints(
     laws: Laws, state: PassageState, mode: int, estimates: Estimates, nose_held: bool, dt_s: float
-) -> tuple[PassageState, GlideWish]:
+) -> tuple[PassageState, GlideSetpoints]:
     """Pitch, heading and sideways speed; NaN: wings level."""
     vehicle, air = estimates.vehicle, estimates.air
     if mode == modes.LAUNCHING:
@@ -321,7 +321,7 @@ def _wish(
         pitch = laws.launch.pitch_rad
         if air.airspeed_mps < laws.landing.best_glide_mps:  # false for NaN
             pitch = min(pitch, laws.envelope.glide_pitch_rad)
-        return state, GlideWish(pitch, upwind, NAN, 0.0)
+        return state, GlideSetpoints(pitch, upwind, NAN, 0.0)
     home = laws.landing
     outward, sure = mode == modes.BREAKING_OFF, knows_place(laws, estimates)
     clearance_m = estimates.margins.clearance_m
@@ -335,10 +335,10 @@ def _wish(
         slowest_rad=glide_pitch(aerodynamics, slowest_known(home, air.measured)),
         fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
     )
-    wish = glide_wish(home, glide, outward, sure, pitches, vehicle, air, clearance_m)
+    setpoints = glide_setpoints(home, glide, outward, sure, pitches, vehicle, air, clearance_m)
     if not sure:
-        wish = wish._replace(sideways_mps=NAN)
-    return state._replace(glide=glide), wish
+        setpoints = setpoints._replace(sideways_mps=NAN)
+    return state._replace(glide=glide), setpoints
 
 
 def loops_in_hand(loops: LoopsState, vehicle: VehicleState) -> LoopsState:

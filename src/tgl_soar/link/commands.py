@@ -71,7 +71,7 @@ class CommandAnswer(NamedTuple):
     """What a command leads to."""
 
     outbound: list[Outbound]  # to the station that sent it
-    wish: int = NOTHING  # ENGAGE, RELEASE or ABORT: to be done now
+    request: int = NOTHING  # ENGAGE, RELEASE or ABORT: to be done now
     reason: str = ""  # of a refusal, for the operator
 
 
@@ -174,18 +174,18 @@ class CommandServer:
             return CommandAnswer([_ack(source, number, RESULT_DENIED)], NOTHING, forbidden)
         if not flies:
             return self._asked(source, message)
-        wish, result, reason = number, RESULT_ACCEPTED, ""
+        request, result, reason = number, RESULT_ACCEPTED, ""
         if number == ENGAGE:
             result = RESULT_IN_PROGRESS
             if held_back:
-                wish, result, reason = NOTHING, RESULT_TEMPORARILY_REJECTED, held_back
+                request, result, reason = NOTHING, RESULT_TEMPORARILY_REJECTED, held_back
         self.counters.refused += reason != ""
         self._remember(source, number, _Done(now_s, result, now_s + PROGRESS_S))
         # The first answer to an engagement follows the entry checks, with the next tick.
         outbound: list[Outbound] = (
             [] if result == RESULT_IN_PROGRESS else [_ack(source, number, result)]
         )
-        return CommandAnswer(outbound, wish, reason)
+        return CommandAnswer(outbound, request, reason)
 
     def engagement(self, *, flying: bool, settled: bool, withdrawn: bool) -> list[CommandAck]:
         """The module's mode has changed: the answers to those who asked it to engage.

@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from tgl_soar.link.autopilots.base import Flavour
-from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, wish
+from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, remedy
 from tgl_soar.link.messages import COMPONENT_AUTOPILOT, Outbound, ParamRequestRead, ParamValue
 
 ASK_S: Final = 0.8  # before a parameter is asked for again
@@ -167,4 +167,4 @@ def _summary(wrong: list[Finding]) -> str:
     """The first in full, and how many more."""
     first = wrong[0]
     more = f", and {len(wrong) - 1} more (tgl-soar preflight)" if len(wrong) > 1 else ""
-    return f"{wish(first)}, it is {first.value:g}: {first.requirement.why}{more}"
+    return f"{remedy(first)}, it is {first.value:g}: {first.requirement.why}{more}"

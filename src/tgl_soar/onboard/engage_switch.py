@@ -133,20 +133,20 @@ class EngageSwitch:
 
     # --- turned -------------------------------------------------------------------------------
 
-    def turn(self, wish: int, by: str, now_s: float, station: Source | None = None) -> None:
+    def turn(self, request: int, by: str, now_s: float, station: Source | None = None) -> None:
         """Somebody who may has asked for it.  `station`: which; None: the pilot's switch."""
-        if wish == ABORT:
+        if request == ABORT:
             self._withdraw()
             self._engagement.abort(by)
             text = f"aborted by {by}: no engagement until released"
             self._outbox.tell(SEVERITY_WARNING, text)
-        elif wish == RELEASE:
+        elif request == RELEASE:
             self.released(now_s, station)
-        if wish == ENGAGE and self._settings.engage:
+        if request == ENGAGE and self._settings.engage:
             self.report_progress()  # it flies already
-        elif self._settings.engage != (wish == ENGAGE):
-            self._settings.assign("OP_ENGAGE", float(wish == ENGAGE))
-            self._outbox.console(f"{'engaged' if wish == ENGAGE else 'released'} by {by}")
+        elif self._settings.engage != (request == ENGAGE):
+            self._settings.assign("OP_ENGAGE", float(request == ENGAGE))
+            self._outbox.console(f"{'engaged' if request == ENGAGE else 'released'} by {by}")
 
     def released(self, now_s: float, station: Source | None) -> None:
         """An operator has released: an abort holds nobody back any more."""
@@ -218,16 +218,16 @@ class EngageSwitch:
         self._session.streams.received(ID_RC_CHANNELS)
         switch = self._engagement.switch
         was_low = switch.is_low
-        wish = switch.take(
+        request = switch.take(
             message, now_s, int(values["OP_RC_CHAN"]), values["OP_RC_ON"], values["OP_RC_OFF"]
         )
-        if wish == RELEASE and was_low and not self._settings.engage:
+        if request == RELEASE and was_low and not self._settings.engage:
             return  # a switch that stays low says nothing new
-        if wish == ENGAGE and (refusal := self.refusal(now_s)):
+        if request == ENGAGE and (refusal := self.refusal(now_s)):
             text = f"the pilot's switch cannot engage: {refusal}"
             self._outbox.tell(SEVERITY_WARNING, text)
-        elif wish != NOTHING:
-            self.turn(wish, "the pilot's switch", now_s)
+        elif request != NOTHING:
+            self.turn(request, "the pilot's switch", now_s)
 
     def watch_pilot_switch(self, now_s: float) -> None:
         """One that has fallen silent in flight: told, and after a while the engagement ends."""

@@ -41,7 +41,7 @@ from tgl_soar.onboard.switches import Switches
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change
 REFUSALS_S: Final = 0.25  # between two words about commands that were refused
 COMPLAIN_S: Final = 5.0  # between two words about keys that were refused
-STAGE_S: Final = 60.0  # from one staged value to the next; a move that was left is nobody's wish
+STAGE_S: Final = 60.0  # from one staged value to the next; a move that was left nobody requests
 FILES_FRACTION: Final = 0.5  # of the telemetry's budget: its numbers keep the other half
 
 
@@ -209,8 +209,8 @@ class Operators:
         if answer.reason and not 0.0 <= now_s - self._refused_s < REFUSALS_S:
             self._refused_s = now_s
             self._outbox.tell(SEVERITY_WARNING, f"command refused: {answer.reason}")
-        if answer.wish != NOTHING:
-            self._engage_switch.turn(answer.wish, f"system {source.system}", now_s, source)
+        if answer.request != NOTHING:
+            self._engage_switch.turn(answer.request, f"system {source.system}", now_s, source)
 
     # --- files --------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ import sys
 from contextlib import suppress
 from typing import Final
 
-from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
+from tgl_soar.control.search.glimpse import Glimpse, LineRequest, SearchTask
 
 LARGEST_BYTES: Final = 65536
 NICE: Final = 5
@@ -66,9 +66,9 @@ class SearchBeside:
         """What the module knows; whether it was sent."""
         return self._send(glimpse)
 
-    def receive(self) -> LineWish | None:
+    def receive(self) -> LineRequest | None:
         """The newest answer."""
-        newest: LineWish | None = None
+        newest: LineRequest | None = None
         while not self._failure:
             try:
                 data = self._socket.recv(LARGEST_BYTES)
@@ -112,7 +112,7 @@ class SearchHere:
         from tgl_soar.control.search.lift_search import Seeker
 
         self._seeker = Seeker()
-        self._answer: LineWish | None = None
+        self._answer: LineRequest | None = None
         self.failure = ""
 
     def begin(self, task: SearchTask) -> bool:
@@ -125,7 +125,7 @@ class SearchHere:
         self._answer = self._seeker.take(glimpse)
         return True
 
-    def receive(self) -> LineWish | None:
+    def receive(self) -> LineRequest | None:
         """The newest answer."""
         answer, self._answer = self._answer, None
         return answer

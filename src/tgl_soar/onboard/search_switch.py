@@ -35,7 +35,7 @@ from tgl_soar.control.search.glimpse import (
     REASONS,
     SOARING,
     Glimpse,
-    LineWish,
+    LineRequest,
     SearchTask,
     task_of,
 )
@@ -64,7 +64,7 @@ class SearchEngine(Protocol):
     def send(self, glimpse: Glimpse | None) -> bool:
         """What the module knows; None: the flight is over.  Whether it was sent; it never waits."""
 
-    def receive(self) -> LineWish | None:
+    def receive(self) -> LineRequest | None:
         """The newest answer, once; None: there is no new one.  It never waits."""
 
     @property
@@ -286,37 +286,37 @@ class SearchSwitch:
         # NaN: it was asked just now.  In these modes nobody is asked, so that nobody is late.
         if output.mode in UNASKED or not self._answered_s <= now_s:
             self._answered_s = now_s
-        wish = engine.receive()
+        request = engine.receive()
         if (
-            wish is not None
-            and wish.search == self._search
-            and 0.0 <= now_s - wish.time_s <= LATE_S  # false for NaN
+            request is not None
+            and request.search == self._search
+            and 0.0 <= now_s - request.time_s <= LATE_S  # false for NaN
         ):
-            self._answered_s = max(self._answered_s, wish.time_s)
-            self._obey(wish)
+            self._answered_s = max(self._answered_s, request.time_s)
+            self._obey(request)
         elif engine.failure:
             self._end(SEVERITY_ERROR, f"search ended: {engine.failure}")
         elif now_s - self._answered_s > LATE_S:
             self._end(SEVERITY_ERROR, f"search ended: no answer for {LATE_S:g} s")
 
-    def _obey(self, wish: LineWish) -> None:
+    def _obey(self, request: LineRequest) -> None:
         settings, standing = self._settings, self._standing
-        if wish.status == GIVEN_UP:
-            height = f"{wish.over_ground_m:.1f} m over the ground"
-            self._outbox.tell(SEVERITY_WARNING, f"search: {REASONS[wish.reason]}; {height}")
+        if request.status == GIVEN_UP:
+            height = f"{request.over_ground_m:.1f} m over the ground"
+            self._outbox.tell(SEVERITY_WARNING, f"search: {REASONS[request.reason]}; {height}")
             settings.assign("SRCH_START", SEARCH_GIVEN_UP)
             return
-        if wish.target != self._target:
-            self._target = wish.target
-            self._move(wish)
-        now = SEARCH_SOARS if wish.status == SOARING else SEARCH_LOOKS
+        if request.target != self._target:
+            self._target = request.target
+            self._move(request)
+        now = SEARCH_SOARS if request.status == SOARING else SEARCH_LOOKS
         if now != standing:
             settings.assign("SRCH_START", now)
 
-    def _move(self, wish: LineWish) -> None:
+    def _move(self, request: LineRequest) -> None:
         """The line as the parameters have it; its point where the aircraft is to settle."""
-        target = wish.target
-        places = (*_settled_on(target, wish.place_x_m, wish.place_z_m), target[:2])
+        target = request.target
+        places = (*_settled_on(target, request.place_x_m, request.place_z_m), target[:2])
         lines = (TargetLine(x_m, z_m, target.eta_rad) for x_m, z_m in places)
         if not any(is_moved(self._settings, self._bounds, line) for line in lines):
             self._is_refused = True

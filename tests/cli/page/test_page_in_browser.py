@@ -249,7 +249,7 @@ def test_a_bad_link_is_reported_and_harms_nothing(
     with flying.lock:
         flying.flown.restart_module()
     window.shows("#notices", "started again")
-    window.until(lambda: window.value("page.plane.wish === null"))  # out of the hand
+    window.until(lambda: window.value("page.plane.requested === null"))  # out of the hand
     window.page.mouse.up()
     window.loaded()
     assert flying.flown.value("TGL_X") == pytest.approx(A[0])
@@ -466,7 +466,7 @@ def test_a_finger_drags_the_line_and_scrolls_the_page_beside_it(
     stroke(phone.at(line), phone.at(A))
     phone.until(lambda: phone.value("m.holder === m.you"))
     touch("touchCancel")
-    phone.until(lambda: phone.value("m.holder === 0 && page.plane.wish === null"))
+    phone.until(lambda: phone.value("m.holder === 0 && page.plane.requested === null"))
     assert flying.flown.value("TGL_X") == before
     x, y = phone.at(C)
     stroke((x, y), (x, y - 150.0))

@@ -234,9 +234,9 @@ def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
     assert look is not None
     assert look.over_ground_m == pytest.approx(over_m)
     assert landing_height(look) == pytest.approx(low_m)
-    wish = LiftSearch(POLAR).seek(look)  # without a map: it knows no line that would carry it
-    assert wish.reason == TOO_LOW
-    assert wish.over_ground_m == pytest.approx(over_m)
+    request = LiftSearch(POLAR).seek(look)  # without a map: it knows no line that would carry it
+    assert request.reason == TOO_LOW
+    assert request.over_ground_m == pytest.approx(over_m)
 
 
 def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:

@@ -21,7 +21,7 @@ from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_parameters
 from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS, laws_from
-from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineWish, task_of
+from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineRequest, task_of
 from tgl_soar.control.search.lift_search import Sighting, guards_of, sighting_of
 from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.control.throttle import can_hold
@@ -42,7 +42,7 @@ SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
 class Searcher(Protocol):
     """Somebody who moves the line."""
 
-    def look(self, look: Sighting) -> LineWish:
+    def look(self, look: Sighting) -> LineRequest:
         """Called every `LOOK_S`."""
 
 
@@ -210,16 +210,16 @@ def flown_by(flight: EpisodeFlight, name: str, searcher: Callable[[Sighting], Se
     return flight.ended(episode)
 
 
-def obeyed(flight: EpisodeFlight, episode: Episode, wish: LineWish) -> bool:
-    """Move the line as it is wished for; whether the search goes on."""
+def obeyed(flight: EpisodeFlight, episode: Episode, request: LineRequest) -> bool:
+    """Move the line as it is requested; whether the search goes on."""
     claimed = bool(episode.claims) and episode.claims[-1][1]
-    if wish.soaring != claimed:
-        episode.claims.append((flight.time_s, wish.soaring))
-    if wish.given_up:
-        episode.given_up = wish.given_up
+    if request.soaring != claimed:
+        episode.claims.append((flight.time_s, request.soaring))
+    if request.given_up:
+        episode.given_up = request.given_up
         return False
-    standing = SEARCH_SOARS if wish.soaring else SEARCH_LOOKS
-    flight.set(line_parameters_of(wish.target) | {"SRCH_START": float(standing)})
+    standing = SEARCH_SOARS if request.soaring else SEARCH_LOOKS
+    flight.set(line_parameters_of(request.target) | {"SRCH_START": float(standing)})
     return True
 
 

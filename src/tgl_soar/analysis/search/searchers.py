@@ -23,7 +23,7 @@ from tgl_soar.control.search.glimpse import (
     NO_REASON,
     SOARING,
     TOO_LOW,
-    LineWish,
+    LineRequest,
 )
 from tgl_soar.control.search.lift_search import (
     AVERAGING_S,
@@ -66,11 +66,11 @@ class MapSearch(LiftSearch):
         self.keep = list(keep)
         self.snapshots: list[Snapshot] = []
 
-    def look(self, look: Sighting) -> LineWish:
+    def look(self, look: Sighting) -> LineRequest:
         self.listen(look)
-        wish = self.seek(look)
+        request = self.seek(look)
         self._keep(look)
-        return wish
+        return request
 
     def watch(self, look: Sighting) -> None:
         """Listen alone."""
@@ -103,7 +103,7 @@ class Oracle:
         self.state = started(TargetLine(line.x_m, line.z_m, line.eta_rad))
         self.roll = fastest_roll_out()
 
-    def look(self, look: Sighting) -> LineWish:
+    def look(self, look: Sighting) -> LineRequest:
         plan = None
         if plan_due(self.state):
             times = (look.time_s, self.place.duration_s)
@@ -137,12 +137,12 @@ class Oracle:
             under_ceiling_m=look.guards.box.z_max_m - look.moving.z_m,
             carried=look.carried,
         )
-        return _wish(look, self.state.target, self.state.status, self.state.reason)
+        return _request(look, self.state.target, self.state.status, self.state.reason)
 
 
-def _wish(look: Sighting, target: TargetLine, status: int, reason: int) -> LineWish:
+def _request(look: Sighting, target: TargetLine, status: int, reason: int) -> LineRequest:
     """Of somebody who foresees no place."""
-    return LineWish(
+    return LineRequest(
         target=target,
         status=status,
         reason=reason,
@@ -174,7 +174,7 @@ class Baseline:
     def move(self, look: Sighting) -> None:
         """Set the target."""
 
-    def look(self, look: Sighting) -> LineWish:
+    def look(self, look: Sighting) -> LineRequest:
         before = self.target
         self.since += look.dt_s
         share = min(1.0, look.dt_s / climb_s(self.height))
@@ -190,8 +190,8 @@ class Baseline:
         low = left < REACTION_S * max(-look.climb_mps, 0.0)
         status = SOARING if self.soaring else LOOKING
         if low:
-            return _wish(look, self.target, GIVEN_UP, TOO_LOW)
-        return _wish(look, self.target, status, NO_REASON)
+            return _request(look, self.target, GIVEN_UP, TOO_LOW)
+        return _request(look, self.target, status, NO_REASON)
 
     def through(self, look: Sighting, aside_m: float) -> TargetLine:
         """The line at a distance downstream of the aircraft."""

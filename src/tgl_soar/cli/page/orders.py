@@ -6,7 +6,7 @@
                   moves as one; of one number: that parameter
     a command     COMMAND_LONG, again with a higher confirmation, until COMMAND_ACK
 
-What the page shows is the module's echo, never what was wished for.  One change of parameters is
+What the page shows is the module's echo, never what was requested.  One change of parameters is
 under way at a time; a line that still waits gives way to a newer one.  Commands wait for nothing,
 and an abort or a release drops what is still to be set: what the module holds staged of it, too.
 """
@@ -153,7 +153,7 @@ class Orders:
         steps = [{"TGL_STAGE": 1.0}, changes, {"TGL_STAGE": 0.0}] if staged else [changes]
         if keeps_undo:
             self._remember(now)
-        # What waits and was not begun is an older wish for the same line.
+        # What waits and was not begun is an older request for the same line.
         self._waiting = deque(c for c in self._waiting if not c.is_line or c.began_s == c.began_s)
         self._add(_Change(who, words, steps, is_line=True, staged=staged))
 

@@ -65,13 +65,13 @@ class Glimpse(NamedTuple):
     updraft_mps: float
     pitot: bool
     seeks: bool  # a line is wanted; else it only listens
-    refused: bool  # the last line that was wished for
+    refused: bool  # the last line that was requested
     pushed_mps: float = 0.0  # mean of the climb that a propeller gave
     carried: bool = False  # what is left of the throttle's budget can keep it from sinking
     search: int = 0  # the search that asks; another number: another search
 
 
-class LineWish(NamedTuple):
+class LineRequest(NamedTuple):
     """Where the line is to go, and how the search stands."""
 
     target: TargetLine

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tgl_soar.control.search.glimpse import Glimpse, LineWish, SearchTask
+from tgl_soar.control.search.glimpse import Glimpse, LineRequest, SearchTask
 from tgl_soar.control.search.plan import (
     DRAWS,
     FLOWN_THROUGH_MPS,
@@ -170,14 +170,14 @@ class LiftSearch:
         self._refused = []
 
     def stays(self, look: Sighting) -> None:
-        """The line that it wished for was refused: it is where it is, and that one is left out."""
+        """The line that it requested was refused: it is where it is, and that one is left out."""
         line = look.moving.line
         if self.state is not None:
             self._refused.append((look.time_s, self.state.target))
             here = TargetLine(line.x_m, line.z_m, line.eta_rad)
             self.state = self.state._replace(target=here)
 
-    def seek(self, look: Sighting, *, plans: bool = True) -> LineWish:
+    def seek(self, look: Sighting, *, plans: bool = True) -> LineRequest:
         """Where the line is to go, after `listen`; plans: a plan may be made."""
         line = look.moving.line
         if self.state is None:
@@ -197,7 +197,7 @@ class LiftSearch:
             carried=look.carried,
         )
         place = self.plan
-        return LineWish(
+        return LineRequest(
             target=self.state.target,
             status=self.state.status,
             reason=self.state.reason,
@@ -252,7 +252,7 @@ class Seeker:
         ):
             self.search = None
 
-    def take(self, glimpse: Glimpse | None, *, plans: bool = True) -> LineWish | None:
+    def take(self, glimpse: Glimpse | None, *, plans: bool = True) -> LineRequest | None:
         """A glimpse, in order; None: the flight is over, and what was measured in it is past.
         plans: not where it is known to be an old one."""
         if glimpse is None or self._guards is None or self._task is None:
@@ -273,5 +273,5 @@ class Seeker:
         if not glimpse.seeks:
             self.search.rest()
             return None
-        wish = self.search.seek(look, plans=plans)
-        return wish._replace(time_s=glimpse.now.time_s, search=glimpse.search)
+        request = self.search.seek(look, plans=plans)
+        return request._replace(time_s=glimpse.now.time_s, search=glimpse.search)

@@ -94,7 +94,7 @@ def compare(requirements: tuple[Requirement, ...], answers: Answers) -> list[Fin
     return findings
 
 
-def wish(finding: Finding) -> str:
+def remedy(finding: Finding) -> str:
     """What to set a parameter to, in words."""
     row = finding.requirement
     name, wanted = finding.name, f"{row.wanted:g}"

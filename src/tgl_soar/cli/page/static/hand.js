@@ -25,7 +25,7 @@ export class Hand {
     svg.addEventListener("pointerup", (event) => this.up(event));
     svg.addEventListener("pointercancel", () => this.cancel());
     svg.addEventListener("keydown", (event) => this.pressed(event));
-    svg.addEventListener("blur", () => { if (this.plane.wish && !this.drag) this.send(); });
+    svg.addEventListener("blur", () => { if (this.plane.requested && !this.drag) this.send(); });
   }
 
   get may() { return this.model.line && !this.model.isRecording && !this.model.heldByOther && this.model.connected; }
@@ -41,13 +41,13 @@ export class Hand {
     if (kind === "along") {
       const along = this.model.parameters.TGL_ALONG;
       this.drag = { kind, id: event.pointerId, offset: along - alongOf(this.model.line, place) };
-      this.plane.wishAlong = along;
+      this.plane.requestedAlong = along;
       return;
     }
-    const line = { ...(this.plane.wish ?? this.model.line) };
+    const line = { ...(this.plane.requested ?? this.model.line) };
     this.drag = { kind, id: event.pointerId, from: line, dx: line.x - place.x, dz: line.z - place.z };
     clearTimeout(this.timer);
-    this.plane.wish = line;
+    this.plane.requested = line;
     this.ask("hold");
     this.look(true);
   }
@@ -57,18 +57,18 @@ export class Hand {
     const place = this.plane.at(event.clientX, event.clientY);
     if (this.drag.kind === "along") {
       const along = alongOf(this.model.line, place) + this.drag.offset;
-      this.plane.wishAlong = Math.max(-100, Math.min(100, centimetres(along)));
+      this.plane.requestedAlong = Math.max(-100, Math.min(100, centimetres(along)));
       this.plane.update();
       return;
     }
-    const { wish } = this.plane;
+    const { requested } = this.plane;
     if (this.drag.kind === "turn") {
-      const lean = Math.atan2(wish.x - place.x, place.z - wish.z) * DEG;
-      wish.lean = Math.round(Math.max(-60, Math.min(60, lean)) * 10) / 10;
+      const lean = Math.atan2(requested.x - place.x, place.z - requested.z) * DEG;
+      requested.lean = Math.round(Math.max(-60, Math.min(60, lean)) * 10) / 10;
     } else {
-      wish.x = centimetres(place.x + this.drag.dx);
-      wish.z = centimetres(place.z + this.drag.dz);
-      if (this.along) this.snap(wish);
+      requested.x = centimetres(place.x + this.drag.dx);
+      requested.z = centimetres(place.z + this.drag.dz);
+      if (this.along) this.snap(requested);
     }
     this.look(false);
     this.plane.update();
@@ -84,7 +84,7 @@ export class Hand {
 
   pressed(event) {
     if (event.key === "Escape") { this.cancel(); return; }
-    if (event.key === "Enter" && this.plane.wish) { this.send(); return; }
+    if (event.key === "Enter" && this.plane.requested) { this.send(); return; }
     const step = event.shiftKey ? 0.1 : 0.01;
     const change = {
       ArrowLeft: { x: -step }, ArrowRight: { x: step }, ArrowUp: { z: step }, ArrowDown: { z: -step },
@@ -93,12 +93,12 @@ export class Hand {
     if (!change || !this.may || this.drag) return;
     event.preventDefault();
     this.plane.svg.classList.remove("by-pointer");
-    const wish = this.plane.wish ?? { ...this.model.line };
-    this.plane.wish = wish;
-    if (change.lean) wish.lean = Math.round((wish.lean + change.lean) * 10) / 10;
-    if (change.x) wish.x = centimetres(wish.x + change.x);
-    if (change.z) wish.z = centimetres(wish.z + change.z);
-    if (this.along && !change.lean) this.snap(wish);
+    const requested = this.plane.requested ?? { ...this.model.line };
+    this.plane.requested = requested;
+    if (change.lean) requested.lean = Math.round((requested.lean + change.lean) * 10) / 10;
+    if (change.x) requested.x = centimetres(requested.x + change.x);
+    if (change.z) requested.z = centimetres(requested.z + change.z);
+    if (this.along && !change.lean) this.snap(requested);
     this.look(true);
     this.plane.update();
     clearTimeout(this.timer);
@@ -106,7 +106,7 @@ export class Hand {
   }
 
   // The nearest place of the contour: of the site's, or of the measured one where there is no other.
-  snap(wish) {
+  snap(requested) {
     let best = null;
     const { scene, measured } = this.model;
     for (const part of scene.contour.length ? scene.contour : measured?.contour ?? []) {
@@ -115,39 +115,39 @@ export class Hand {
         const [bx, bz] = part[i];
         const length = (bx - ax) ** 2 + (bz - az) ** 2;
         if (!(length > 0)) continue;
-        const t = Math.max(0, Math.min(1, ((wish.x - ax) * (bx - ax) + (wish.z - az) * (bz - az)) / length));
+        const t = Math.max(0, Math.min(1, ((requested.x - ax) * (bx - ax) + (requested.z - az) * (bz - az)) / length));
         const [x, z] = [ax + t * (bx - ax), az + t * (bz - az)];
-        const away = (x - wish.x) ** 2 + (z - wish.z) ** 2;
+        const away = (x - requested.x) ** 2 + (z - requested.z) ** 2;
         if (!best || away < best.away) best = { x, z, away };
       }
     }
-    if (best && known(best.x)) [wish.x, wish.z] = [centimetres(best.x), centimetres(best.z)];
+    if (best && known(best.x)) [requested.x, requested.z] = [centimetres(best.x), centimetres(best.z)];
   }
 
   look(now) {
     const time = performance.now();
     clearTimeout(this.later);
     if (!now && time - this.looked < LOOKS_MS) {
-      this.later = setTimeout(() => { if (this.plane.wish) this.look(true); }, LOOKS_MS);
+      this.later = setTimeout(() => { if (this.plane.requested) this.look(true); }, LOOKS_MS);
       return;
     }
     this.looked = time;
-    this.ask("look", this.plane.wish);
+    this.ask("look", this.plane.requested);
   }
 
   send() {
     clearTimeout(this.timer);
     clearTimeout(this.later);
-    const { wish } = this.plane;
-    this.plane.wish = null;
-    if (wish && this.may) this.ask("move", { ...wish, at: Date.now() / 1000 });
+    const { requested } = this.plane;
+    this.plane.requested = null;
+    if (requested && this.may) this.ask("move", { ...requested, at: Date.now() / 1000 });
     this.plane.update();
   }
 
   // A point that is dragged is a point to be held.
   sendAlong() {
-    const along = this.plane.wishAlong;
-    this.plane.wishAlong = null;
+    const along = this.plane.requestedAlong;
+    this.plane.requestedAlong = null;
     const { TGL_ALONG: before, TGL_HOLD: holds } = this.model.parameters;
     if (along !== null && along !== before && this.may) {
       this.ask("set", { name: "TGL_ALONG", value: along });
@@ -159,10 +159,10 @@ export class Hand {
   cancel() {
     clearTimeout(this.timer);
     clearTimeout(this.later);
-    if (this.plane.wish) this.ask("drop");
+    if (this.plane.requested) this.ask("drop");
     this.drag = null;
-    this.plane.wish = null;
-    this.plane.wishAlong = null;
+    this.plane.requested = null;
+    this.plane.requestedAlong = null;
     this.plane.update();
   }
 }

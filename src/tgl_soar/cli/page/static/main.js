@@ -133,7 +133,7 @@ async function begin() {
     lineWords(model);
     pointWords(model);
     airWords(model, plane);
-    ghostWords(model, plane.wish);
+    ghostWords(model, plane.requested);
     notices(model);
     const number = model.parameters.TGL_PRESET;
     [...$("presets").children].forEach((button, i) => {

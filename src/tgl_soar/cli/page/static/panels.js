@@ -121,10 +121,10 @@ export class Messages {
   }
 }
 
-export function ghostWords(model, wish) {
+export function ghostWords(model, requested) {
   const element = $("ghost-words");
   const { ghost } = model;
-  if (!ghost || (!wish && !model.holder)) {
+  if (!ghost || (!requested && !model.holder)) {
     level(element, "soft");
     words(element, model.isRecording ? "A recording: nothing can be moved."
       : !model.line ? "Waiting for the module's parameters." : "Drag the line by its point, turn it by its ring, or use the arrow keys.");

@@ -11,8 +11,8 @@ export class Plane {
   constructor(svg, model) {
     this.svg = svg;
     this.model = model;
-    this.wish = null; // the line in the hand
-    this.wishAlong = null; // the point in the hand: metres along the line
+    this.requested = null; // the line in the hand
+    this.requestedAlong = null; // the point in the hand: metres along the line
     this.air = scenesAir(model); // whose updraft is drawn: "site" or "measured"
     this.under = svg.appendChild(draw("g"));
     this.still = svg.appendChild(draw("g"));
@@ -246,7 +246,7 @@ export class Plane {
     this.drawStill();
     this.drawAir();
     const { now, line, ghost, alive } = this.model;
-    const shown = this.wish ?? line;
+    const shown = this.requested ?? line;
     const flown = { x: now.line_x, z: now.line_z, lean: now.line_lean };
     this.show("flown", known(flown.x + flown.z + flown.lean) && this.model.flying, () => this.ends(flown));
     this.show("set", line, () => this.ends(line));
@@ -275,7 +275,7 @@ export class Plane {
     set(this.part.lean, turn);
     set(this.part.leanReach, turn);
     set(this.part.tag, { x: place.cx + 14, y: place.cy - 12 });
-    words(this.part.tag, this.wish ? `${fixed(line.x)}, ${fixed(line.z)} m, ${fixed(line.lean, 1)}°` : "");
+    words(this.part.tag, this.requested ? `${fixed(line.x)}, ${fixed(line.z)} m, ${fixed(line.lean, 1)}°` : "");
     this.svg.classList.toggle("held", this.model.heldByOther);
   }
 
@@ -283,10 +283,10 @@ export class Plane {
   // without the brake and with all of it.
   drawPoint(line) {
     const { scene, parameters: p, now, isRecording } = this.model;
-    const along = this.wishAlong ?? p.TGL_ALONG;
+    const along = this.requestedAlong ?? p.TGL_ALONG;
     const holds = p.TGL_HOLD > 0;
-    const is = scene.has_brake && line && known(along) && !isRecording && (holds || along !== 0 || this.wishAlong !== null);
-    this.show("point", is, () => ({ class: holds || this.wishAlong !== null ? "is-held" : "" }));
+    const is = scene.has_brake && line && known(along) && !isRecording && (holds || along !== 0 || this.requestedAlong !== null);
+    this.show("point", is, () => ({ class: holds || this.requestedAlong !== null ? "is-held" : "" }));
     if (!is) return;
     const place = ahead(line, along);
     const [x, z] = [this.X(place.x), this.Z(place.z)];
@@ -300,7 +300,7 @@ export class Plane {
       return { cx: this.X(flown.x), cy: this.Z(flown.z), visibility: "inherit" };
     });
     const stands = known(now.pt_state) ? scene.points?.[now.pt_state] : "";
-    words(this.part.pointTag, this.wishAlong !== null ? `${fixed(along, 2)} m along the line` : holds ? stands : "");
+    words(this.part.pointTag, this.requestedAlong !== null ? `${fixed(along, 2)} m along the line` : holds ? stands : "");
     const ends = bandOn(line, scene);
     this.show("pointBand", ends, () => {
       const [low, high] = ends.map((end) => ahead(line, end));
@@ -318,8 +318,8 @@ export class Plane {
 
   drawGhost(ghost) {
     // In the own hand the line is where the hand is; the answer of the server follows it.
-    const line = this.wish ?? ghost;
-    this.show("ghost", line && (ghost || this.wish), () => ({}));
+    const line = this.requested ?? ghost;
+    this.show("ghost", line && (ghost || this.requested), () => ({}));
     if (!line) return;
     set(this.part.ghostLine, this.ends(line));
     set(this.part.ghost, { class: ghost?.refusal ? "refused" : "" });
