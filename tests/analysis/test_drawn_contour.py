@@ -63,7 +63,7 @@ def test_a_log_tells_when_which_way_was_flown(ended: bool) -> None:
     assert list(dict.fromkeys(found.standing)) == [DOWNSTREAM, UPSTREAM, HOMEWARD]
 
 
-def test_a_log_without_a_survey_and_a_line_that_turned_are_told() -> None:
+def test_a_log_without_a_survey_and_a_line_that_turned_are_reported() -> None:
     with pytest.raises(SurveyError, match="holds no survey: set SRV_START"):
         surveys_of(FlightData("log", "a log"))
     flight = logged(flown())

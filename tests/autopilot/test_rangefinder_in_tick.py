@@ -98,7 +98,7 @@ def test_a_height_that_drifts_is_corrected_where_it_is_asked_for() -> None:
     "fault",
     ["rangefinder.bias away=-9", "rangefinder.bias away=12", "rangefinder.freeze"],
 )
-def test_a_rangefinder_that_is_wrong_is_told_and_moves_little(fault: str, plain: Seen) -> None:
+def test_a_rangefinder_that_is_wrong_is_reported_and_moves_little(fault: str, plain: Seen) -> None:
     """Within a gate of nothing it is off by more than the receiver could be, or does not move."""
     wrong = flown(2, f"{fault} start=7 for=4")
     words = [fault_text(faults) for faults in wrong.faults if faults & RANGE]

@@ -65,7 +65,9 @@ def test_accelerometers_that_are_not_used_have_no_row(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("firmware", "is_told"), [('"px4"\nroute = "attitude"', True), ('"ardupilot"', False)]
 )
-def test_loops_that_rest_on_a_route_are_told(firmware: str, is_told: bool, tmp_path: Path) -> None:
+def test_loops_that_rest_on_a_route_are_reported(
+    firmware: str, is_told: bool, tmp_path: Path
+) -> None:
     plane = tmp_path / "plane.toml"
     text = AIRFRAME.read_text(encoding="utf-8")
     assert 'firmware = "bridge"' in text

@@ -297,7 +297,7 @@ def test_what_is_wrong_with_fence_and_lines_is_reported(
         ({"RHO_D_IMU": 1.2, "EST_IMU": 0.0}, True, " of 0.5, at the line, "),
     ],
 )
-def test_the_least_margin_of_all_loops_is_told(
+def test_the_least_margin_of_all_loops_is_reported(
     changes: dict[str, float], is_enough: bool, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Of roll and heading, too, which nothing else refuses."""

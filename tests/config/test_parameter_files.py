@@ -89,7 +89,7 @@ def test_pymavlink_reads_what_we_write_and_we_what_it_writes(tmp_path: Path) -> 
     assert ParameterSet().changed(read_file(theirs).values) == values
 
 
-def test_comments_other_components_and_what_no_file_sets_are_passed_over_and_told() -> None:
+def test_comments_other_components_and_what_no_file_sets_are_passed_over_and_reported() -> None:
     text = (
         "# Onboard parameters for Vehicle 1\r\n"
         "\r\n"

@@ -75,7 +75,7 @@ def test_a_brake_that_acts_and_one_that_has_jammed_are_told_apart_in_gusts(seed:
         assert Heaving(0.0, 0.085, seed, asked=asked).fly(150.0).state.found == DOES_NOT
 
 
-def test_in_twice_the_gusts_most_are_told_and_none_is_told_wrongly() -> None:
+def test_in_twice_the_gusts_most_are_reported_and_none_is_reported_wrongly() -> None:
     """The error of 150 s is a quarter of what lies between: one in ten needs longer."""
     seeds = (11, 12, 13, 14)
     well = [Heaving(1.0, 0.17, s, asked=a).fly(150.0).state.found for s in seeds for a in ASKED]
@@ -128,7 +128,7 @@ def test_it_never_leaves_its_travel_and_tells_nothing_before_its_time() -> None:
     assert max(flown.brakes) <= 1.0
 
 
-def test_it_begins_with_a_law_that_stands_at_an_end_and_rests_when_it_was_told() -> None:
+def test_it_begins_with_a_law_that_stands_at_an_end_and_rests_when_it_was_reported() -> None:
     state = NOT_SHAKEN
     for _ in range(round(60.0 / DT)):  # within the band, the law is at an end now and then
         state = shake_step(state, 0, 0.5, 0.5, 0.0, LIFTS_MPS2, DT)

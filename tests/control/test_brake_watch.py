@@ -298,7 +298,7 @@ def test_two_slow_ways_that_go_together_once_do_not_pull() -> None:
             assert not pulls(state), (seed, i * DT)
 
 
-def test_of_few_samples_nothing_is_told() -> None:
+def test_of_few_samples_nothing_is_reported() -> None:
     state, random = NOT_WATCHED, Random(1)
     for i in range(round(60.0 / DT)):
         brake = 0.5 + 0.1 * sin(2.0 * i * DT)
@@ -363,7 +363,7 @@ def test_what_acts_is_said_of_every_standing() -> None:
 
 @pytest.mark.parametrize(("beyond", "found"), [(1.02, True), (0.98, False)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_is_told_by_three_standard_errors_of_the_mean(
+def test_it_is_reported_by_three_standard_errors_of_the_mean(
     beyond: float, found: bool, side: float
 ) -> None:
     """Of as few as there may be, of which the deviation is over one less than their number."""

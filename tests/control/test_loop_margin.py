@@ -189,7 +189,7 @@ def test_a_gain_that_leaves_its_margin_is_taken_without_a_word() -> None:
     assert taken.values["OP_FORCE"] == 1.0  # not used up
 
 
-def test_where_nothing_is_judged_it_is_told() -> None:
+def test_where_nothing_is_judged_it_is_reported() -> None:
     """Of an airframe that is not known, and by an attitude route, where no ELE_ gain is flown."""
     known, bounds = shipped_values(), LineBounds()
     assert bounds.doubt(known) == ""

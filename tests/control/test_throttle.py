@@ -150,7 +150,7 @@ def test_what_is_used_is_the_integral_and_never_more_than_the_budget(
         assert state.used_s == pytest.approx(told, abs=1e-9)
 
 
-def test_the_whole_budget_is_spent_and_then_it_is_told() -> None:
+def test_the_whole_budget_is_spent_and_then_it_is_reported() -> None:
     state, told = NO_THROTTLE, 0.0
     for _ in range(6000):
         state = throttle_step(PARAMS._replace(budget_s=3.0), state, SINKING, DT)

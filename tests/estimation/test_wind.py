@@ -346,7 +346,7 @@ def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
     assert worst[0] < 0.1
 
 
-def test_what_is_not_known_is_not_told() -> None:
+def test_what_is_not_known_is_not_reported() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     vehicle, inputs = vehicle_of(glide.state, 1.0), inputs_at(1.0)
     for params, seen, sigma in (

@@ -217,7 +217,7 @@ def errors(said: list[Outbound]) -> list[ParamError]:
     return [m for m in said if isinstance(m, ParamError)]
 
 
-def test_a_refusal_is_told_to_programs_too() -> None:
+def test_a_refusal_is_reported_to_programs_too() -> None:
     """PARAM_ERROR goes to the station that asked, and says which of the three it is."""
     served = server()
     unknown = ask(

@@ -539,7 +539,7 @@ def test_odometry_in_local_frames_keeps_its_velocity() -> None:
     assert talk.position[5:8] == (4.0, 5.0, 6.0)
 
 
-def test_odometry_in_frames_of_another_kind_is_refused_and_told_once() -> None:
+def test_odometry_in_frames_of_another_kind_is_refused_and_reported_once() -> None:
     talk = session()
     for i, (frame, child) in enumerate(((4, 12), (21, 12), (1, 21), (0, 0))):
         odometry = Odometry(
@@ -659,7 +659,7 @@ def test_frames_that_were_long_under_way_are_no_reboot() -> None:
     assert streams.reboots == 0
 
 
-def test_a_parameter_that_is_no_number_is_told_and_holds_back() -> None:
+def test_a_parameter_that_is_no_number_is_reported_and_holds_back() -> None:
     """RC_OPTIONS is looked at bit by bit: a NaN has none, and must not end the process."""
     needs = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=False)
     talk = Session(

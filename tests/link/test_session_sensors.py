@@ -418,7 +418,7 @@ def test_latitude_and_longitude_become_local_ned_with_all_their_digits() -> None
     assert talk.position.north_m == pytest.approx(120.0 + 0.0111, abs=0.006)
 
 
-def test_a_place_that_is_not_near_home_is_counted_and_told_once() -> None:
+def test_a_place_that_is_not_near_home_is_counted_and_reported_once() -> None:
     talk = hill()
     for i, (lat, lon) in enumerate(((0, 0), (2**31 - 1, -(2**31)), (530_000_000, 4_375_000))):
         hear(

@@ -460,7 +460,7 @@ def test_a_refused_set_leaves_the_laws_alone(flight: Flight) -> None:
     assert "not finite" in said[-1].text
 
 
-def test_what_is_told_to_the_operator_is_told_on_the_console(flight: Flight) -> None:
+def test_what_is_reported_to_the_operator_is_reported_on_the_console(flight: Flight) -> None:
     flight.engaged()
     assert "capturing: engaged" in flight.console
 

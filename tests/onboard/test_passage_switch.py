@@ -77,7 +77,7 @@ def flight() -> Flight:
     return flown
 
 
-def test_the_height_is_told_as_it_goes_once_each(flight: Flight) -> None:
+def test_the_height_is_reported_as_it_goes_once_each(flight: Flight) -> None:
     settings, said = Settings(), Said()
     switch = PassageSwitch(settings, said)  # type: ignore[arg-type]
     for left in (9.0, 4.9, 4.8, 5.1, 4.9, 1.9, 1.0, -0.1, -0.5):
@@ -313,7 +313,7 @@ def test_a_conversation_that_begins_anew_after_the_hand_over_is_no_false_alarm(
     assert said.words == ["the autopilot lands: item 2 of its mission"]
 
 
-def test_one_that_begins_anew_and_does_not_land_is_told_all_the_same(flight: Flight) -> None:
+def test_one_that_begins_anew_and_does_not_land_is_reported_all_the_same(flight: Flight) -> None:
     firmware, said, landing = handed_over(flight, 100.0)
     firmware.mission.restart()
     for k in range(100):
@@ -332,7 +332,7 @@ def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> 
     assert [message.command for message in said.sent] == [COMMAND_DO_SET_MODE] * 2
 
 
-def test_a_mission_that_flies_elsewhere_is_told(flight: Flight) -> None:
+def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
     for item, words in ((0, "at item 0"), (None, "at an item that it does not tell")):
         firmware, said = Firmware("ardupilot"), Said()
         landing = landing_by(firmware, said, 1.0)

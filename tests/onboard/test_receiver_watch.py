@@ -95,7 +95,7 @@ def test_in_a_hall_the_receiver_is_not_asked() -> None:
     assert flight.onboard.session.streams.wanted(24) is None
 
 
-def test_in_flight_it_is_told_once_and_ends_nothing() -> None:
+def test_in_flight_it_is_reported_once_and_ends_nothing() -> None:
     flight = by_satellites()
     assert flight.onboard.session.streams.wanted(24) is not None
     report(flight, 1000, 1000)

@@ -544,7 +544,7 @@ def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
         ({}, None, "there is no search in this process"),
     ],
 )
-def test_where_no_search_can_begin_fc_act_4_is_told_to_act_as_2(
+def test_where_no_search_can_begin_fc_act_4_is_reported_to_act_as_2(
     changes: dict[str, float], search: ReportedSearch | None, why: str
 ) -> None:
     flight = Flight(flown=equipped(**changes), search=search)

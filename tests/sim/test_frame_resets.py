@@ -173,7 +173,7 @@ def test_what_is_corrected_after_dead_reckoning_moves_no_frame() -> None:
     ]
 
 
-def test_not_told_of_it_the_line_stays_where_the_reckoning_ended() -> None:
+def test_not_reported_of_it_the_line_stays_where_the_reckoning_ended() -> None:
     """What the autopilot's word is asked for: the same flight without it."""
     outputs, _, off_m = dead_reckoned(told_s=1e6)
     assert abs(outputs[-1].quality.shift_x_m) > 1.0

@@ -20,7 +20,7 @@ places: moved in a manoeuvre, or glided with.
 Gauss–Newton, outputs weighted by their residuals.  Residuals are coloured (turbulence, what the
 model leaves out), so the covariance is not (JᵀJ)⁻¹ but (JᵀJ)⁻¹ M (JᵀJ)⁻¹ with M the sum of the
 scores' autocovariances over `COLOUR_S` (Newey and West 1987).  The last manoeuvres are held out:
-the fitted model flies them, and the share of what happened that it explains is told.
+the fitted model flies them, and the share of what happened that it explains is reported.
 
 The same symbols as in `sim.aircraft`.  Textbook: Jategaonkar, Flight Vehicle System
 Identification, chapter 4.  For the ground only: takes arrays, imports numpy when called.
@@ -333,8 +333,8 @@ class _Problem:
             raise IdentificationError("the fit does not converge: are the units and signs right?")
         residuals, jacobian = self._linearised(point)
         covariance = self._covariance(residuals, jacobian, weights)
-        # Nobody has measured when between two samples the elevator was told: that much the delay
-        # may be off, and the other unknowns with it.
+        # Nobody has measured when between two samples the elevator was commanded: that much the
+        # delay may be off, and the other unknowns with it.
         _, a = self._stacked(residuals, jacobian, weights)
         others = np.arange(a.shape[1]) != _DELAY
         drift = np.ones(a.shape[1])

@@ -1,4 +1,4 @@
-"""An airframe file with what a log of gliding flight told: every number with its band beside it.
+"""An airframe file with what a log of gliding flight shows: every number with its band beside it.
 
 The doublets give lift, moments and the servo's delay, the steady glides drag and polar.
 """

@@ -95,7 +95,7 @@ def read_text(text: str, source: str, *, component: int = 191, strict: bool = Tr
     """Read a file's text; each row tells its own format.
 
     Rows of other components, names that are not ours and those that no file may set are passed
-    over and told; so are bad lines if not `strict`.  Errors: `ParameterFileError` naming every
+    over and reported; so are bad lines if not `strict`.  Errors: `ParameterFileError` naming every
     bad line.
     """
     values: dict[str, float] = {}

@@ -10,7 +10,7 @@ used, moved or written over, wherever it lies.  Nothing of our own is written ov
     each            as another file that is synced to the disk and renamed
 
 so that at every moment a kill or a loss of power leaves at least one good copy.  A damaged FILE
-is set aside as FILE.damaged, the previous copy is taken, and the operator is told.
+is set aside as FILE.damaged, the previous copy is taken, which is reported to the operator.
 
 Up to version 0.1.0 the name had no ids, so that vehicles shared a file.  One of such a name is
 read, with its previous copy, as long as there is none of the new name; it is left as it is.
@@ -278,7 +278,7 @@ class ParameterStore:
         return Restored(self._base, {}, tuple(notes), True)
 
     def _taken(self, path: Path, data: bytes, kept: dict[str, float], notes: list[str]) -> Restored:
-        """From a good file.  `notes`: what there is to be told already."""
+        """From a good file.  `notes`: what there is to be reported already."""
         values, unfit = restored(self._base, kept, self._presets)
         if path == self.path:
             self._good = data
@@ -318,7 +318,7 @@ class ParameterStore:
         try:
             path.replace(_beside(path, ".damaged"))
         except OSError:
-            return  # it will be told again at the next start
+            return  # it will be reported again at the next start
 
     def save(self, values: ParameterSet) -> None:
         """Write now, and wait for it: not for a process that flies.  Errors: OSError."""
@@ -347,7 +347,7 @@ class ParameterStore:
             threading.stack_size(before)
 
     def poll(self, values: ParameterSet, now_s: float) -> list[str]:
-        """Have the values written if they have changed; what is to be told the operator."""
+        """Have the values written if they have changed; what is to be reported to the operator."""
         said = self._outcome(now_s)
         if values is not self._seen:
             self._seen = values

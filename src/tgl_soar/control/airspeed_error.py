@@ -96,10 +96,10 @@ def airspeed_error_step(
 
 def error_variance(state: AirspeedErrorState) -> float:
     """sigma² [m²/s²] of d."""
-    told = 0.0
+    information = 0.0
     if state.weight > 0.0:
-        told = max(0.0, state.by_nose2 - state.by_nose * state.by_nose / state.weight)
-    return 1.0 / (told + 1.0 / (SPREAD_MPS * SPREAD_MPS))
+        information = max(0.0, state.by_nose2 - state.by_nose * state.by_nose / state.weight)
+    return 1.0 / (information + 1.0 / (SPREAD_MPS * SPREAD_MPS))
 
 
 def airspeed_error(state: AirspeedErrorState) -> float:

@@ -147,7 +147,7 @@ class BrakeState(NamedTuple):
 
 
 class Around(NamedTuple):
-    """What the law is told beside the place of the aircraft."""
+    """What the law is given beside the place of the aircraft."""
 
     on_the_line: bool  # the module flies a line now
     answers: bool  # what is read back goes where it is commanded

@@ -46,7 +46,7 @@ SAMPLES: Final = 30.0
 # Less than a twelfth of the aileron is no loss; three quarters of this is taken by the trim.
 UNEVEN: Final = 0.08
 UNEVEN_SIGMAS: Final = 4.0
-MOVED: Final = 0.02  # rms of the brake, below which nothing can be told of it
+MOVED: Final = 0.02  # rms of the brake, below which nothing can be estimated of it
 
 # Over three times that of `brake.OUTSIDE_S`, so that the point is reported as outside first: 14 s
 # of an end.  Within the band 5 % of turbulence come to 0.65.

@@ -307,7 +307,7 @@ def excitation_hindrance(
     """Why no multisine may begin, or one that has begun may not go on; IDLE: nothing is against it.
 
     elevator_blocked: whether the last command was less than the law wanted.  The first hindrance
-    that is found is told.
+    that is found is reported.
     """
     limits, added = laws.envelope, laws.excitation.amplitude_rad
     farthest_m = laws.guards.capture_distance_m

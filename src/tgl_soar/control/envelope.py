@@ -2,7 +2,7 @@
 
     |u| <= deflection_max,   |u - u_last| <= rate_max dt,   nothing unless the mode flies
 
-A command that is not finite never passes: the caller is told and disengages.
+A command that is not finite never passes: it is reported to the caller, who disengages.
 
 A brake stays within 0 and what is left for it.  Where both ailerons are the brake, roll comes
 first: the brake has what the aileron leaves of their throw, at once, whatever its own rate.  Near
@@ -73,7 +73,7 @@ OUT_ABOVE: Final = 16
 
 
 class EnvelopeLimits(NamedTuple):
-    """What a surface may be told, and what the aircraft may do."""
+    """What a surface may be commanded, and what the aircraft may do."""
 
     deflection_max: float  # of full travel
     rate_max_per_s: float  # full travels a second

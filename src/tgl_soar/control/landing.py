@@ -69,10 +69,10 @@ nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABO
 straight rest.  In slow turns it goes on upwind: with a sigma of STEEP_MPS or less it may bank by
 STEEPER more than SIDE_BANK from STEEP_ABOVE_M over that on, by all of it STEEP_WITHIN_M higher up.
 
-**A stall** that came all the same is told by the elevator: as far up as it may go while the nose
-stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then the
-nose goes down to the pitch of the fastest glide for RECOVER_S, where no wing stays stalled; from
-then on it does not weave and flies no slower than the best glide.
+**A stall** that came all the same is detected by the elevator: as far up as it may go while the
+nose stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then
+the nose goes down to the pitch of the fastest glide for RECOVER_S, where no wing stays stalled;
+from then on it does not weave and flies no slower than the best glide.
 
 **The flare** holds the sink that dies out with the height h,
 

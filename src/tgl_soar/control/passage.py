@@ -1,7 +1,7 @@
 """From the hand to the line, and home, in one tick: launching, breaking off and landing.
 
 What `control.launch` and `control.landing` need of the laws and of the estimates, and what the
-supervisor and the attitude loops are told of them.
+supervisor and the attitude loops get from them.
 """
 
 from __future__ import annotations

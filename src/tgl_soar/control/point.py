@@ -1,4 +1,4 @@
-"""The point on the line in one tick: when the brake acts, and what the other axis is told of it."""
+"""The point on the line in one tick: when the brake acts, and what is passed to the other axis."""
 
 from __future__ import annotations
 

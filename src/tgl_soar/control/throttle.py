@@ -14,7 +14,7 @@ speed.  With ż_r the climb that regains height,
 p enters the motion along the line as the brake's sink does (`control.brake`): a first-order lag of
 λ (1 + K), λ about 6 rad/s.  With K = 1 the loop's gain is 1 at rest and less above, so that a
 motor's lag of 0.2 s more cannot make it swing.  Across the line the glide turns up by p / V: the
-pitch that holds it is known beforehand and told, as the brake's is.
+pitch that holds it is known beforehand and passed on, as the brake's is.
 
 **Called** by what ends flights: no place to settle is foreseen and it sinks; the height for the way
 home is gone, or will be within AHEAD_S, on that way or where the aircraft does not soar (who soars
@@ -24,7 +24,7 @@ doubt (the place unknown, a mode that flies no line, tilted) it is closed at onc
 
 **Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where
 the autopilot is disarmed, not with every engagement.  It is counted tick by tick: an autopilot that
-goes on with the last command while the process stands still uses more than is told.
+goes on with the last command while the process stands still uses more than is reported.
 
 Pure: numbers in, numbers out.
 """
@@ -91,7 +91,7 @@ class ThrottleState(NamedTuple):
 
 
 class ThrottleView(NamedTuple):
-    """What the law is told in a tick."""
+    """What the law is given in a tick."""
 
     allowed: bool  # a mode that may use it, and nothing in doubt
     nowhere: bool  # no place to settle is foreseen, and it sinks
@@ -202,7 +202,7 @@ def full_climb(params: ThrottleParams, airspeed_mps: float) -> float:
 
 def can_hold(params: ThrottleParams, used_s: float, excess_mps: float, airspeed_mps: float) -> bool:
     """Whether what is left of the budget can carry an aircraft that sinks by so much, for AHEAD_S
-    at least: who is told otherwise only when it is gone is told too late."""
+    at least: a report that comes only when it is gone is too late."""
     wanted_mps, full_mps = CLIMB_MPS - excess_mps, full_climb(params, airspeed_mps)
     if not params.most * full_mps > wanted_mps:  # false for NaN, too
         return False

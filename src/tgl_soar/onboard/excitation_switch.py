@@ -1,4 +1,4 @@
-"""EXC_START, the switch of the multisine: what it does is told, and it goes back by itself."""
+"""EXC_START, the switch of the multisine: what it does is reported, and it goes back by itself."""
 
 from __future__ import annotations
 

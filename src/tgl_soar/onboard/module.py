@@ -114,10 +114,10 @@ class Onboard:
         search: SearchEngine | None = None,
     ) -> None:
         """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
-        `store`: keeps changed parameters.  `first_words`: told once the autopilot is heard.
+        `store`: keeps changed parameters.  `first_words`: reported once the autopilot is heard.
         `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
         need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
-        OSError; without it none is accepted.  `recorder`: is told all that a log holds.  `start`:
+        OSError; without it none is accepted.  `recorder`: is given all that a log holds.  `start`:
         tells this module from another one that was given the same identity by mistake.
         `send_command`, `clear_for_release`: as `Route` takes them, for the first link.  `search`:
         looks for lift.  `before_first`: is called before the first frame that takes the surfaces.

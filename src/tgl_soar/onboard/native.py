@@ -368,7 +368,7 @@ def file_of(module: str) -> Path:
 def use() -> bool:
     """Take native code wherever a module is imported from now on; whether there is any that fits.
 
-    Never raises: what cannot be used is told, and the source flies.
+    Never raises: what cannot be used is reported, and the source flies.
     """
     global _reported
     held = None

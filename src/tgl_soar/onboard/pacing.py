@@ -228,7 +228,7 @@ class LoadShedding:
 
     @property
     def no_telemetry(self) -> bool:
-        """Nothing is told that was not asked for."""
+        """Nothing is reported that was not asked for."""
         return self.value > _SHED_TELEMETRY
 
     @property
@@ -243,7 +243,7 @@ class Waiter:
     A processor that has gone idle takes its time to wake, some 20 to 100 µs.  So much before a
     tick is expected sleep ends, and what is left is waited for awake, as long again after it at
     most, unless of late nothing has come.  How much that is, is learned from how late sleep ended
-    before (nearly the latest of late), unless it is told.
+    before (nearly the latest of late), unless it is given.
     """
 
     def __init__(self, clock: Callable[[], float], awake_s: float | None = None) -> None:

@@ -2,7 +2,7 @@
 
 What the tick makes of them it does by itself; here they go back when what they asked for is over,
 so that no file that a station saves meanwhile asks for it again; what cannot be done is refused,
-and the height that is left is told before it is gone.
+and the height that is left is reported before it is gone.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
-# The height left is told as it falls through these, once each until there is clearly more again.
-TOLD_M: Final = (5.0, 2.0, 0.0)
+# The height left is reported as it falls through these, once each until there is more again.
+REPORTED_M: Final = (5.0, 2.0, 0.0)
 MORE_M: Final = 2.0
 SHOW_BREAK_S: Final = 1.0  # the station that has set it sees it confirmed
 WAIT_S: Final = 60.0  # to engage what LNC_START is set for; what comes later is not it
@@ -32,7 +32,7 @@ class PassageSwitch:
         self._settings = settings
         self._outbox = outbox
         self._mode = 0
-        self._told_m = inf  # the last height that was told
+        self._reported_m = inf  # the last height that was reported
         self._flies = False  # evidently, in control or not
         self._unasked_s = inf  # when LNC_START was 0, or engaged, last
         self._here_s = inf  # when ESC_START was not 1 on the way home, last
@@ -62,7 +62,7 @@ class PassageSwitch:
         if not output.active:
             if ended:
                 self._put_back("ESC_START")
-            self._told_m = inf
+            self._reported_m = inf
         elif not goes_home(output.mode):
             self._tell(output.passage.height_left_m, output.passage.time_left_s)
 
@@ -92,12 +92,12 @@ class PassageSwitch:
     def _tell(self, left_m: float, time_s: float) -> None:
         if not isfinite(left_m):
             return
-        if left_m > self._told_m + MORE_M:
-            self._told_m = min((m for m in TOLD_M if m >= left_m), default=inf)
-        passed = [m for m in TOLD_M if left_m <= m < self._told_m]
+        if left_m > self._reported_m + MORE_M:
+            self._reported_m = min((m for m in REPORTED_M if m >= left_m), default=inf)
+        passed = [m for m in REPORTED_M if left_m <= m < self._reported_m]
         if not passed:
             return
-        self._told_m = passed[-1]
+        self._reported_m = passed[-1]
         minutes = f", {int(time_s) // 60}:{int(time_s) % 60:02d} min" if isfinite(time_s) else ""
-        severity = SEVERITY_WARNING if left_m <= TOLD_M[-1] else SEVERITY_NOTICE
+        severity = SEVERITY_WARNING if left_m <= REPORTED_M[-1] else SEVERITY_NOTICE
         self._outbox.tell(severity, f"height left for the landing: {left_m:.1f} m{minutes}")

@@ -14,7 +14,7 @@ from tgl_soar.types import AttitudeSample
 
 
 class OutsidePositions:
-    """A motion-capture hall's, a bridge's; and what the autopilot is told of them."""
+    """A motion-capture hall's, a bridge's; and what is reported to the autopilot of them."""
 
     def __init__(
         self, setup: ModuleSetup, session: Session, clocking: Clocking, outbox: Outbox

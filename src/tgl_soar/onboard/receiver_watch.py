@@ -2,8 +2,8 @@
 
 Only a site that counts on latitude and longitude asks: a local position may come from poses that
 somebody sends to the autopilot, while its receiver sees nothing in a hall.  A receiver that reports
-nothing is believed: many do not.  In flight a worse accuracy is told and ends nothing, for a place
-that is wrong by some metres is still flown better than none.
+nothing is believed: many do not.  In flight a worse accuracy is reported and ends nothing, for
+a place that is wrong by some metres is still flown better than none.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from tgl_soar.link.vehicle.receiver import ReceiverAccuracy
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
-BETTER: Final = 0.8  # of the limit: accurate enough again; a report at the limit is told once
+BETTER: Final = 0.8  # of the limit: accurate enough again; a report at the limit is reported once
 
 
 class ReceiverWatch:

@@ -1,7 +1,7 @@
-"""SRCH_START, the switch of the search for lift: what it is told, and what it may do.
+"""SRCH_START, the switch of the search for lift: what is reported to it, and what it may do.
 
-The map and its rollouts are beside the tick (`search_beside`).  They are told what the tick knows
-every `LOOK_S`, and what they answer is a line.  It is taken as an operator's: within fence and
+The map and its rollouts are beside the tick (`search_beside`).  What the tick knows is reported to
+them every `LOOK_S`, and what they answer is a line.  It is taken as an operator's: within fence and
 clearance, in the parameters that everybody sees, and it slides at TGL_SLEW.  Two things are not
 asked: the contour of the site, which is of another day's wind, and TGL_STEP_MAX, which guards
 against slips of the hand.  An answer that is late or never comes ends the search; the line
@@ -240,7 +240,7 @@ class SearchSwitch:
                 ),
                 search=self._search,
             )
-            if self._is_told(engine) and engine.send(glimpse):
+            if self._is_reported_to(engine) and engine.send(glimpse):
                 self._is_refused = False
         self._before = output.vehicle
         self._wind = self._updraft = self._pushed = 0.0
@@ -251,7 +251,7 @@ class SearchSwitch:
         if self._owes_end and self._engine is not None:
             self._owes_end = not self._engine.send(None)
 
-    def _is_told(self, engine: SearchEngine) -> bool:
+    def _is_reported_to(self, engine: SearchEngine) -> bool:
         """Whether it knows that the flight before is over, and its task: sent until it is."""
         self._tell_end()
         if self._owes_end:

@@ -60,7 +60,7 @@ class ModuleSetup(NamedTuple):
     position: PositionSettings = PositionSettings()  # the site's sources
     imu: int | None = None  # the message that is to carry accelerations; None: the usual one
     rangefinder: bool = False  # one is fitted
-    forward: Forward | None = None  # what the autopilot is told of the position
+    forward: Forward | None = None  # what is reported to the autopilot of the position
     aerodynamics: Aerodynamics = NO_AERODYNAMICS  # of the airframe, to read the air by
     lateral: LateralDynamics = UNKNOWN  # of the airframe, to judge gains by
     ground: Ground = NO_GROUND  # of the site, to keep away from

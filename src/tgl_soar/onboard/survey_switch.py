@@ -77,7 +77,7 @@ class SurveySwitch:
         self._bounds = bounds_of(setup, ())
         self._state: SurveyState | None = None  # None: there is none
         self._output: Output | None = None  # of the last tick
-        self._told_s = 0.0  # when it said last where it is
+        self._reported_s = 0.0  # when it said last where it is
 
     def refusal(self, value: float) -> str:
         """Why SRV_START may not be set to this; "" if it may."""
@@ -137,7 +137,7 @@ class SurveySwitch:
     def _survey(self, output: Output) -> None:
         look, before = look_of(output), self._state
         if before is None:
-            self._state, self._told_s = survey_begun(look), look.time_s
+            self._state, self._reported_s = survey_begun(look), look.time_s
             speed = self._settings.laws.line.speed_mps
             self._outbox.tell(SEVERITY_INFO, f"{BEGINS} {speed:.2g} m/s")
             return
@@ -172,10 +172,10 @@ class SurveySwitch:
             reason, way = SURVEY_TEXTS[after.reason], WAYS[after.standing]
             self._outbox.tell(severity, f"survey: {way} from {place}: {reason}")
             self._settings.assign("SRV_START", float(after.standing))
-            self._told_s = after.time_s
-        elif not 0.0 <= after.time_s - self._told_s < PROGRESS_S:
+            self._reported_s = after.time_s
+        elif not 0.0 <= after.time_s - self._reported_s < PROGRESS_S:
             self._outbox.tell(SEVERITY_INFO, f"survey: {WAYS[after.standing]}, {place}")
-            self._told_s = after.time_s
+            self._reported_s = after.time_s
 
     def _halt(self, state: SurveyState, line: LineTracking) -> str:
         """The line goes no farther than it is; where the bounds do not have it there, through where

@@ -125,7 +125,7 @@ class AircraftModel(NamedTuple):
         return step(self, state, surfaces, wind_here, wind_ahead, dt_s, here, ahead)
 
     def spun(self, throttle: float, wanted: float, dt_s: float) -> float:
-        """The throttle that the propeller turns at, `dt_s` [s] later, told another one."""
+        """The throttle that the propeller turns at, `dt_s` [s] later, when another is commanded."""
         return spun(self, throttle, wanted, dt_s)
 
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:

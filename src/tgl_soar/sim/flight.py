@@ -72,7 +72,7 @@ class Row(NamedTuple):
     point: float  # how it stands, as control.brake numbers it
     point_off_m: float  # along the line, as the law sees it; NaN: no point is held
     height_left_m: float  # that the glide to the landing place would leave; NaN: not known
-    throttle: float  # that a propeller is told, 0 … 1
+    throttle: float  # that a propeller is commanded, 0 … 1
 
 
 class Flight(NamedTuple):

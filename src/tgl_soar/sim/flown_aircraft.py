@@ -50,7 +50,7 @@ class FlownAircraft(Protocol):
         """
 
     def spun(self, throttle: float, wanted: float, dt_s: float) -> float:
-        """The throttle that a propeller turns at, `dt_s` [s] later, told another one."""
+        """The throttle that a propeller turns at, `dt_s` [s] later, when another is commanded."""
 
     def specific_force_frd(self, state: AircraftState, wind: Wind) -> tuple[float, float, float]:
         """What an accelerometer at the centre of gravity feels [m/s², FRD], gravity apart."""

@@ -2,7 +2,7 @@
 
     T = η T_0 max(0, 1 − u_b / V_0)        dη/dt = (η_c − η) / τ,   0 at rest and without one
 
-η, η_c  –    throttle that it turns at, and that it is told, 0 … 1
+η, η_c  –    throttle that it turns at, and that is commanded, 0 … 1
 T_0     N    at full throttle and no airspeed            u_b  m/s  the air's speed along the nose
 V_0     m/s  airspeed at which nothing is left            τ    s
 

@@ -91,7 +91,7 @@ class WorldNow(NamedTuple):
     aileron: ServoState
     rudder: ServoState
     brake: ServoState
-    throttle: float  # that a propeller is told, 0 … 1
+    throttle: float  # that a propeller is commanded, 0 … 1
     turbulence: DrydenState
     gust_mps: Wind  # the turbulence's own
     roll_gust_radps: float

@@ -247,7 +247,7 @@ class World:
 
     @property
     def throttle(self) -> float:
-        """What a propeller is told, 0 … 1."""
+        """What a propeller is commanded, 0 … 1."""
         return self.now.throttle
 
     @throttle.setter

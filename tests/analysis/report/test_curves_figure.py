@@ -18,7 +18,7 @@ def labels_of(legend: Any) -> list[str]:
 
 
 @pytest.mark.parametrize("one_legend", [False, True])
-def test_what_is_alike_in_all_panels_is_told_once_below(
+def test_what_is_alike_in_all_panels_is_reported_once_below(
     one_legend: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     figures: list[Any] = []

@@ -93,7 +93,7 @@ class Outcome(NamedTuple):
     seed: int
     faults: str
     result: str  # SOARING, FLYING, RELEASED or LOST
-    reason: str  # as the module told it, or what was hit
+    reason: str  # as the module reported it, or what was hit
     ended_s: float
     bad_commands: int
     error: str  # an exception's words; "" for none

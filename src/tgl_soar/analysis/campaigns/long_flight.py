@@ -76,7 +76,7 @@ class LongFlight:
 
 
 def resident_kib() -> int:
-    """Memory of this process now, as Linux counts it; the most so far where it is not told."""
+    """Memory of this process now, as Linux counts it; the most so far where it is not reported."""
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
         return int(status.partition("VmRSS:")[2].split()[0])

@@ -158,7 +158,7 @@ TITLES: Final = {
     "throttle": "the search with a propeller to fall back on",
     "survey": "the contour drawn by a slide there and back",
     "nowhere": "starts on a line without a place to settle",
-    "forecast": "who is told that a line has no place to settle, and who wrongly",
+    "forecast": "which lines are reported to have no place to settle, and which wrongly",
     "point": "a point of the line held with a brake",
     "outdoors": "launches from the hand, and break-offs that end on the ground",
     "satellites": "a receiver that drifts, steps and falls silent; an estimator that is reset",

@@ -306,7 +306,7 @@ def mode_words(numbers: NDArray[Any], names: Sequence[str] = MODE_NAMES) -> list
 
 
 def line_series(parts: dict[str, Series], source: str) -> Series | None:
-    """A line that was told number by number ("x_m", "z_m", "eta_rad"), as one series.
+    """A line that was reported number by number ("x_m", "z_m", "eta_rad"), as one series.
 
     It counts as moving from a sample that differs from the one before until one that does not.
     """

@@ -165,7 +165,7 @@ def _moved(commanded: Series | None, topics: Topics) -> Series | None:
 
 
 def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:
-    """Why the mode changed, at each change that was not told in words."""
+    """Why the mode changed, at each change that was not reported in words."""
     said = {words.text.strip() for words in log.words}
     if not topics.has(TICK, "reason"):
         return []
@@ -175,7 +175,7 @@ def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:
     found = []
     for i in np.flatnonzero(reasons).tolist():
         text = f"{modes[i]}: {words.get(int(reasons[i]), 'reason unknown')}"
-        if text not in said:  # else it was told the operator, and the log has that
+        if text not in said:  # else it was reported to the operator, and the log has that
             found.append(Event(float(times[i]), "mode", text))
     return found
 

@@ -26,7 +26,7 @@ KNOWN: Final = (
 
 
 def read_flight(path: str | Path) -> FlightData:
-    """Read a log, with the parts that follow it.  What could not be read is told in `lost`.
+    """Read a log, with the parts that follow it.  What could not be read is reported in `lost`.
 
     Errors: `LogError` where nothing could be; ImportError naming the extra that is needed.
     """

@@ -467,7 +467,7 @@ def _texts(log: Tlog) -> list[Event]:
 
 
 def _parameters(log: Tlog) -> tuple[dict[str, float], list[tuple[float, str, float]]]:
-    """Each parameter as it was first told, and every change."""
+    """Each parameter as it was first reported, and every change."""
     kind = log.kinds.get("PARAM_VALUE")
     if kind is None:
         return {}, []
@@ -514,7 +514,7 @@ def _reported(reported: _Reported, name: str, column: str, scale: float = 1.0) -
 
 
 def _together(reported: _Reported, names: dict[str, str]) -> Series | None:
-    """Numbers that were told in turn as one series, each as it stood at the time."""
+    """Numbers that were reported in turn as one series, each as it stood at the time."""
     if not all(name in reported for name in names.values()):
         return None
     parts = {c: Series(reported[n][0], {c: reported[n][1]}, n) for c, n in names.items()}

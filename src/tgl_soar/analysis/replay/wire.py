@@ -54,7 +54,7 @@ class TlogFrame(NamedTuple):
 
 
 class WireFlight(NamedTuple):
-    """A number that the module told, then and now."""
+    """A number that the module reported, then and now."""
 
     time_s: float
     reported: float

@@ -24,7 +24,7 @@ FRAMES_S: Final = (0.6, 2.0, 5.0, 10.0)  # after the first reading
 
 
 def glimpses_of(flight: FlightData, begin_s: float, end_s: float) -> list[Glimpse]:
-    """What the search was told in a flight, from its log; nothing where that lacks a part."""
+    """What was reported to the search in flight, from its log; nothing where it lacks a part."""
     path, motion, air, line = flight.path, flight.motion, flight.air, flight.line
     if path is None or motion is None or air is None or line is None:
         return []

@@ -1,4 +1,4 @@
-"""What the search is told of a flight, and what it answers: plain numbers, without numpy.
+"""What is reported of a flight to the search, and what it answers: plain numbers, without numpy.
 
 The flying process makes the one and takes the other; the map and its rollouts may be in a process
 of their own, late, or dead.

@@ -18,13 +18,13 @@ Nothing said is no doubt: some estimators send no report at all, ArduPilot's DCM
 older one sends a report without any flag, which is level 0, and nobody engages with it.  What was
 said holds until the next word, for STATUS_AGE_MAX_S, or until the autopilot restarts.  After that
 
-    measured   is not known any more, and the operator is told: nobody would notice satellites go
+    measured   is not known any more, which is reported: nobody would notice satellites go
     reckoned   holds on: nobody said that it is measured again
 
 A silence alone is no doubt either: what silences one message of an estimator that goes on is a
 station that sets rates of its own, or a line that is full, and neither has a part in satellites.
-To give up the line for it would cost more flights than it could save: of those that are told of
-dead reckoning without leave to break off nearly all end in the pilot's hands, of those that are not
+To give up the line for it would cost more flights than it could save: of those to which dead
+reckoning is reported without leave to break off nearly all end in the pilot's hands, of the others
 most soar on (docs/outdoors.md).
 """
 
@@ -62,7 +62,7 @@ class EstimatorAids:
         self.reckons = False  # it says that its position is only dead reckoned
         self._best = 0  # level since its start
         self._heard_s = NAN  # when it spoke last; NaN: it did not yet
-        self._silent = False  # and that was told
+        self._silent = False  # and that was reported
         _, self._notices, self._streams = ledger
 
     def on_status(self, message: EkfStatusReport | EstimatorStatus, now_s: float) -> None:

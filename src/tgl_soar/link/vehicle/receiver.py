@@ -6,7 +6,7 @@ precision, which say how the satellites stand and not what the place is worth.
 
 They are not the sigma of a fix that the estimator weighs: such errors change over minutes, and a
 filter that took them for noise would average over seconds what stays, and hear its accelerometers'
-biases instead.  They are to be known before an engagement, and told when they get worse.
+biases instead.  They are to be known before an engagement, and reported when they get worse.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def test_one_goes_the_whole_way() -> None:
     assert all(flight.up for flight in found.flights.values())
 
 
-def test_what_fails_is_told_with_its_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_fails_is_reported_with_its_step(monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object) -> None:
         raise ValueError("nobody glided")
 

@@ -34,7 +34,7 @@ def test_errors_are_reported_for_each_range_of_the_true_angle() -> None:
     assert deep.unknown == pytest.approx(0.26, abs=0.01)
 
 
-def test_what_is_hardly_ever_flown_is_not_told() -> None:
+def test_what_is_hardly_ever_flown_is_not_reported() -> None:
     true = np.array([6.0] * FEWEST + [17.0] * (FEWEST - 1))
     assert [band.low_deg for band in bands(true, true, LIMIT_DEG)] == [4.0]
 

@@ -55,7 +55,7 @@ def test_a_drawn_line_has_a_place_or_has_none(settles: bool) -> None:
         assert (e.stops(HILL, POLAR, start, 1.0) != []) is settles
 
 
-def test_late_is_who_reaches_the_clearance_untold_and_could_have_been() -> None:
+def test_late_is_who_reaches_the_clearance_unreported_and_could_have_been() -> None:
     sunk = e.Slid(start=START, foreseen=None, time_s=2.1, left_m=-0.01, is_outside=False)
     assert e.late(sunk)
     assert not e.late(sunk._replace(time_s=1.9))

@@ -42,7 +42,7 @@ def scores(late: LatencyScore, lean: str = "45") -> dict[LatencyCase, LatencySco
     }
 
 
-def test_a_flight_that_only_the_slower_link_loses_is_told() -> None:
+def test_a_flight_that_only_the_slower_link_loses_is_reported() -> None:
     lasts, dearer, *speed = latency_claims(scores(up(7)))
     assert not lasts.holds
     assert lasts.measured == "45: 7 and 8 of 8"

@@ -102,7 +102,7 @@ def test_old_attitudes_are_unstable_where_the_schedule_does_not_know_them() -> N
     assert table_margins(late._replace(known=False)).alpha == 0.0
 
 
-def test_it_is_told_whole() -> None:
+def test_it_is_reported_whole() -> None:
     result = run("margins", Context(flyer=Flyer(), quick=True))
     assert [len(table.rows) for table in result.tables] == [1, 1, 4, 2, 2, 6]
     assert all(len(row) == len(t.columns) for t in result.tables for row in t.rows)

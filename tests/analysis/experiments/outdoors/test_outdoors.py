@@ -92,7 +92,7 @@ def test_as_many_are_flown_as_can_decide_each_claim() -> None:
     assert outdoors.flights_to_show(outdoors.LANDED) <= 0.29 * 2 * outdoors.FLIGHTS
 
 
-def test_every_flight_that_does_not_end_well_is_told_by_itself(landed: FlownPassage) -> None:
+def test_every_flight_that_does_not_end_well_is_reported_by_itself(landed: FlownPassage) -> None:
     good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5)
     far = replace(good, seed=77, along_m=12.3)
     hard = replace(good, seed=78, sink_mps=2.0)

@@ -39,7 +39,7 @@ def test_a_reset_moves_the_frame_and_nothing_else(flown: dict[str, SatelliteFlig
 def test_dead_reckoning_ends_at_home_where_it_may(flown: dict[str, SatelliteFlight]) -> None:
     assert flown[sat.HOME].landing
     assert not flown[sat.HOME].lost
-    assert flown[sat.UNTOLD].fix_off_m > 0.2
+    assert flown[sat.UNREPORTED].fix_off_m > 0.2
 
 
 @FLIES_COMPILED

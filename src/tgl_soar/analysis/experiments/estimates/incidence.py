@@ -1,6 +1,6 @@
 """`incidence`: the angle of attack as it is read on board without a pitot, by the true one.
 
-What protects against the stall acts on the estimate.  Its errors are told apart for each range of
+What protects against the stall acts on the estimate.  Its errors are listed apart for each range of
 the true angle, up to 25 degrees, because a mean over a flight hides the stall: it lasts a few
 hundredths of the time.  All that was flown counts, lost flights to their end.
 """
@@ -131,7 +131,7 @@ def incidence(context: Context) -> Result:
         f" {', '.join(scenario.lines)} of the tunnel at {100 * scenario.turbulence.intensity:g} %"
         " of turbulence, with accelerometers and no pitot tube. The module goes by the airframe"
         f" file, whose limit of the angle of attack is {limit_deg:g}°; the wing that flies is that"
-        " of the file, or stalls elsewhere. What is told of each range of the true angle is the"
+        " of the file, or stalls elsewhere. What is reported of each range of the true angle is the"
         " error of the estimate, and how often it lies beyond the limit.",
         claims=tuple(_claims(read, limit_deg)),
         why="",

@@ -1,4 +1,4 @@
-"""`forecast`: who is told that a line has no place to settle, how early, and who is told wrongly.
+"""`forecast`: which lines are reported to have no place to settle, how early, which wrongly.
 
 Slides along lines in air that the forecast's thresholds were not chosen in: a board at 26° and a
 hill of 14 m.  The line holds the aircraft without error, so that thousands are cheap:
@@ -86,10 +86,10 @@ class Slid(NamedTuple):
     """One flight as it ended."""
 
     start: SlideStart
-    foreseen: Forecast | None  # when it was told; None: never
+    foreseen: Forecast | None  # when it was reported; None: never
     time_s: float  # of that, or of the flight's end
     left_m: float  # above the clearance then
-    is_outside: bool  # the fence, untold
+    is_outside: bool  # the fence, unreported
 
 
 def places() -> tuple[SlidePlace, ...]:
@@ -149,15 +149,16 @@ def run(context: Context) -> Result:
             Table(
                 "No place to settle",
                 (
-                    "place", "told", "at the clearance first", "out of the fence first", "neither",
-                    "told after [s], median", "90 %", "told within 1.5 s, or 1 s before the limit",
+                    "place", "reported", "at the clearance first", "out of the fence first",
+                    "neither", "reported after [s], median", "90 %",
+                    "reported within 1.5 s, or 1 s before the limit",
                     "height left over the clearance [m], median",
                 ),
                 tuple(_reported_row(name, flights) for name, flights in without.items()),
             ),
             Table(
                 "A place to settle",
-                ("place", "flights", "told wrongly", "95 % interval", "what was said"),
+                ("place", "flights", "reported wrongly", "95 % interval", "what was said"),
                 tuple(_false_row(name, flights) for name, flights in having.items()),
             ),
         ),
@@ -169,12 +170,12 @@ def run(context: Context) -> Result:
 
 
 def sank(flight: Slid) -> bool:
-    """Whether it reached the clearance untold."""
+    """Whether it reached the clearance unreported."""
     return flight.foreseen is None and flight.left_m < 0.0 and not flight.is_outside
 
 
 def late(flight: Slid) -> bool:
-    """Whether it reached the clearance untold, later than TOLD_S after it could be known."""
+    """Whether it reached the clearance unreported, REPORTED_S and more after it could be known."""
     return sank(flight) and flight.time_s > WINDOW_S + REPORTED_S
 
 
@@ -185,12 +186,13 @@ def claims(without: dict[str, list[Slid]], having: dict[str, list[Slid]]) -> tup
     shares = [wrong[name] / len(having[name]) for name in having]
     return (
         Claim(
-            f"none is at the clearance untold more than {REPORTED_S:g} s after it could be known",
+            f"none is at the clearance unreported more than {REPORTED_S:g} s after it could be"
+            " known",
             not any(lost.values()),
             ", ".join(f"{n} of {len(without[name])}, {name}" for name, n in lost.items()),
         ),
         Claim(
-            "fewer than 1 % of those that would settle are told otherwise",
+            "fewer than 1 % of those that would settle are reported otherwise",
             all(share < 0.01 for share in shares),
             ", ".join(f"{n} of {len(having[name])}, {name}" for name, n in wrong.items()),
         ),
@@ -342,7 +344,7 @@ def foreseen(
     rows: FloatArray,
     rng: np.random.Generator,
 ) -> Slid:
-    """The forecast along one slide, until it is told or at a limit."""
+    """The forecast along one slide, until it is reported or at a limit."""
     values = {name: PARAMETERS[INDEX[name]].default for name in ("FC_TIME", "FC_CHANCE")}
     params = ForecastParams(
         act=DISENGAGE,

@@ -79,7 +79,7 @@ class LineFlown(NamedTuple):
     """What came of it; times since the start, inf: never."""
 
     found: bool  # a start at this place; without one nothing was flown
-    warned_s: float  # when it was told that there is no place: disengaged, or a search begun
+    warned_s: float  # when it was reported that there is no place: disengaged, or a search begun
     low_s: float  # when it was at the clearance, while capturing or soaring was reported
     floor_s: float  # when it hit the ground
     floor_reported: bool  # and capturing or soaring was reported until then
@@ -241,11 +241,11 @@ def flown_of(flight: EpisodeFlight, episode: Episode, seeks_s: float) -> LineFlo
     above = np.array([clearance(place_.ground, x, z) for x, z in rows[:, [_X, _Z]].tolist()])
     low = np.nonzero(reported & (above < least))[0]
     reasons = (REASON_TEXTS[REASON_NOWHERE], REASON_TEXTS[REASON_NOT_FOUND])
-    told = any(reason in episode.ended for reason in reasons)
+    warned = any(reason in episode.ended for reason in reasons)
     crashed = now.standing == CRASHED
     return LineFlown(
         found=True,
-        warned_s=min(seeks_s, episode.flown_s if told else inf),
+        warned_s=min(seeks_s, episode.flown_s if warned else inf),
         low_s=float(low[0]) / flight.world.step_hz if low.size else inf,
         floor_s=episode.flown_s if crashed else inf,
         floor_reported=crashed and bool(reported[-1]),

@@ -413,25 +413,25 @@ class Ended(Protocol):
 
 def ends_by_kind(by_kind: Mapping[str, Sequence[Ended]]) -> str:
     """How the flights ended that ended early, the most frequent end of each kind first."""
-    told = []
+    lines = []
     for kind, some in by_kind.items():
         ends = Counter(each.ended for each in some if each.ended)
-        told += [f"{kind}: {end} ({count})" for end, count in ends.most_common()]
-    return "; ".join(told)
+        lines += [f"{kind}: {end} ({count})" for end, count in ends.most_common()]
+    return "; ".join(lines)
 
 
 def _badly(flown: list[FlownPassage]) -> tuple[str, ...]:
     """Every flight that did not end as it should."""
     bad = [each for each in flown if not each.soars and not each.landed]
-    told = []
+    lines = []
     for each in bad:
         modes = ", ".join(f"{t:.0f} s {mode} ({why})" for t, mode, why in each.modes[3:])
-        told.append(
+        lines.append(
             f"{each.kind} {each.seed} ({each.wind_mps:.2f} m/s, {100 * each.intensity:.0f} %):"
             f" {modes}; {each.ended or 'flies'}, along {each.along_m:.1f} m, across"
             f" {each.across_m:.1f} m, sink {each.sink_mps:.2f} m/s, height left {each.left_m:.1f} m"
         )
-    return tuple(told)
+    return tuple(lines)
 
 
 def _numbers(each: FlownPassage) -> dict[str, object]:

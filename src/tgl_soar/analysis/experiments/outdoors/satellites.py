@@ -11,7 +11,7 @@ wind and gusts, drawn from its seed, and the faults of `sim.faults`:
                goes on by its accelerometers, wrong by 0.03 m/s², and says nothing.  The operator
                has moved the line to the lift: what it was wrong by at first does not count
     lost       no satellites for 15 s; the estimator says so after 5 to 10 s, and is right again in
-               the end: with leave to break off (`ESC_AUTO` 1), without, and where it is not told
+               the end: with leave to break off (`ESC_AUTO` 1), without, and not reported at all
 
 e_rho is that of the truth, to the line where the lift is.
 """
@@ -75,8 +75,8 @@ BESIDE_M: Final = 0.3  # by which the aircraft may be farther off than its fixes
 HANDED_M: Final = 1.0  # CLEAR_MIN of the hill
 
 RESET, TURNED, RECEIVER = "reset", "turned", "receiver"
-HOME, HELD, UNTOLD = "lost, breaks off", "lost, held", "lost, not told"
-KINDS: Final = (RESET, TURNED, RECEIVER, HOME, HELD, UNTOLD)
+HOME, HELD, UNREPORTED = "lost, breaks off", "lost, held", "lost, not told"
+KINDS: Final = (RESET, TURNED, RECEIVER, HOME, HELD, UNREPORTED)
 STAYS: Final = (RESET, TURNED, RECEIVER, HOME)  # nobody but the operator has a reason to end these
 
 
@@ -152,7 +152,7 @@ def _drawn_faults(job: SatelliteJob, random: Random) -> tuple[str, ...]:
         return (f"attitude.bias start={begin:.3f} for=1e5 {by}",)
     drift = f"north={RECKONED_MPS2 * north:.4f} east={RECKONED_MPS2 * east:.4f}"
     if job.kind != RECEIVER:
-        told = 1e6 if job.kind == UNTOLD else uniform(5.0, 10.0)
+        told = 1e6 if job.kind == UNREPORTED else uniform(5.0, 10.0)
         return (f"position.reckoned start={begin:.3f} for={LOST_S} {drift} told={told:.3f}",)
     steps = []
     for _ in range(3):
@@ -332,7 +332,7 @@ def run(context: Context) -> Result:
         f" {RESET_M:g} m horizontally and up to {RESET_UP_M:g} m in height; turns of {TURN_DEG:g}°;"
         " a receiver that is off by a Gauss-Markov process, by steps of up to 2 m and by drop-outs"
         f" for {RECEIVER_S:g} s; no satellites for {LOST_S:g} s, dead reckoned with"
-        f" {RECKONED_MPS2:g} m/s² of error, told after 5 to 10 s.",
+        f" {RECKONED_MPS2:g} m/s² of error, reported after 5 to 10 s.",
         claims=_claims(by_kind),
         why=ends_by_kind(by_kind),
         tables=(_table(by_kind),),
@@ -364,7 +364,7 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
             f"by {100 * worst:.1f} cm at most, {captured} captures in {len(resets)} flights",
         ),
         Claim(
-            "none is lost or disengaged, but where nobody is told of dead reckoning, or nobody gave"
+            "none is lost or disengaged, but where dead reckoning is not reported, or nobody gave"
             " leave to break off",
             gone == 0,
             f"{share(gone, len(stays))}: lost {sum(each.lost for each in stays)}, disengaged"
