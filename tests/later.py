@@ -23,7 +23,7 @@ LAWS = (
     "onboard/test_attitude_route.py", "onboard/test_clocks_onboard.py",
     "onboard/test_duplicate_autopilot.py", "onboard/test_duplicates.py",
     "onboard/test_excitation_switch.py", "onboard/test_kept_wire.py",
-    "onboard/test_receiver_watch.py",
+    "onboard/test_gnss_watch.py",
     "onboard/test_search_switch.py", "onboard/test_station_watch.py",
     "onboard/test_survey_switch.py", "sim/test_bridge.py", "sim/test_bridge_faults.py",
     "sim/test_closed_loop.py", "sim/test_frame_resets.py", "sim/test_gains_in_flight.py",

@@ -55,10 +55,10 @@ from tgl_soar.link.streams import StreamRequests
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.timesync import RoundTrip
 from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
+from tgl_soar.link.vehicle.gnss_receiver import GnssAccuracy
 from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
 from tgl_soar.link.vehicle.message_rates import MessageRates
 from tgl_soar.link.vehicle.position_samples import PositionSamples
-from tgl_soar.link.vehicle.receiver import ReceiverAccuracy
 from tgl_soar.link.vehicle.sample_times import SampleTimes
 from tgl_soar.link.vehicle.sensor_samples import SensorSamples
 from tgl_soar.link.vehicle.status import VehicleStatus
@@ -119,7 +119,7 @@ class Session:
         self.samples = SensorSamples(flavour, self._times, ledger)
         self._aids = EstimatorAids(ledger)
         satellites = options.needs is not None and options.needs.gps
-        self.receiver = ReceiverAccuracy(ledger, counts=satellites)
+        self.receiver = GnssAccuracy(ledger, counts=satellites)
         self._positions = PositionSamples(
             self.sources,
             options.home,

@@ -14,7 +14,7 @@ The module
   search_beside        the search for lift in a process of its own
   line_moves           a line that the module moves itself
   firmware_landing     the firmware's own landing, asked for
-  receiver_watch       whether the receiver is accurate enough to engage with
+  gnss_watch           whether the receiver is accurate enough to engage with
   station_watch        what the silence of every ground station means
   instruments          the numbers of the telemetry;  reports: what is sent unasked
   counters             what the module counts of its own work

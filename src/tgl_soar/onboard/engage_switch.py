@@ -31,8 +31,8 @@ from tgl_soar.link.messages import (
     Source,
 )
 from tgl_soar.link.session import Session
+from tgl_soar.onboard.gnss_watch import GnssWatch
 from tgl_soar.onboard.outbound import Outbox
-from tgl_soar.onboard.receiver_watch import ReceiverWatch
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.station_watch import StationWatch
 from tgl_soar.onboard.surfaces import SurfaceControl
@@ -70,7 +70,7 @@ class EngageSwitch:
         self._surfaces = surfaces
         self._outbox = outbox
         self.stations = StationWatch(settings, outbox)
-        self._receiver = ReceiverWatch(settings, session.receiver, outbox)
+        self._receiver = GnssWatch(settings, session.receiver, outbox)
         self._engaged_s = now_s
         self._turned_back_s = float("-inf")  # the module has disengaged by itself
         self._released_s = float("-inf")  # somebody has released what was engaged

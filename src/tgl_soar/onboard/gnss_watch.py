@@ -11,19 +11,17 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
-from tgl_soar.link.vehicle.receiver import ReceiverAccuracy
+from tgl_soar.link.vehicle.gnss_receiver import GnssAccuracy
 from tgl_soar.onboard.outbound import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
 BETTER: Final = 0.8  # of the limit: accurate enough again; a report at the limit is reported once
 
 
-class ReceiverWatch:
+class GnssWatch:
     """Compares what the receiver reports with GPS_ACC_H and GPS_ACC_V."""
 
-    def __init__(
-        self, settings: FlightSettings, accuracy: ReceiverAccuracy, outbox: Outbox
-    ) -> None:
+    def __init__(self, settings: FlightSettings, accuracy: GnssAccuracy, outbox: Outbox) -> None:
         self._settings = settings
         self._accuracy = accuracy
         self._outbox = outbox

@@ -22,7 +22,7 @@ _NOT_REPORTED: Final = 0xFFFFFFFF
 FIX_3D: Final = 3  # GPS_FIX_TYPE: with less there is no height
 
 
-class ReceiverAccuracy:
+class GnssAccuracy:
     """The receiver's own figures, while they are of now."""
 
     def __init__(self, ledger: Ledger, *, counts: bool) -> None:
