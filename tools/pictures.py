@@ -99,10 +99,10 @@ def main() -> int:
             out = Path(folder)
             fly(picture, out)
             path = path_of(out / "truth.csv")
-            facts = PngImagePlugin.PngInfo()
-            facts.add_text(KEY, digest(path))
+            metadata = PngImagePlugin.PngInfo()
+            metadata.add_text(KEY, digest(path))
             with Image.open(out / picture.figure) as image:
-                image.save(IMAGES / picture.name, optimize=True, pnginfo=facts)
+                image.save(IMAGES / picture.name, optimize=True, pnginfo=metadata)
         if not picture.firmware:
             paths[picture.name] = path
         print(f"{IMAGES / picture.name}")

@@ -127,9 +127,9 @@ def test_a_log_without_doublets_says_how_to_fly_them() -> None:
 
 def test_what_the_airframe_file_lacks_is_named() -> None:
     airframe = load_airframe(AIRFRAME)
-    facts = {"mass_kg": 0.7, "wing_area_m2": 0.18, "chord_m": 0.16}
+    airframe_table = {"mass_kg": 0.7, "wing_area_m2": 0.18, "chord_m": 0.16}
     with pytest.raises(IdentificationError, match="iyy_kgm2"):
-        body_from(facts, airframe.model)
+        body_from(airframe_table, airframe.model)
 
 
 def test_the_short_period_is_that_of_its_matrix() -> None:

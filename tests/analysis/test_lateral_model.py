@@ -61,11 +61,11 @@ def test_at_the_aileron_the_fast_loop_is_that_of_the_textbook() -> None:
 
     The command holds for a tick, 2.5 ms on average; the low-pass of the rate adds a little more.
     """
-    facts, model = AIRFRAME.airframe, AIRFRAME.model
+    airframe, model = AIRFRAME.airframe, AIRFRAME.model
     speed = IDEAL_SPEED_MPS
-    force = 0.5 * model["air_density_kgpm3"] * speed**2 * facts.wing_area_m2 * facts.span_m
-    effect = force / facts.ixx_kgm2 * model["Cl_aileron"]
-    damping = -force / facts.ixx_kgm2 * model["Cl_p"] * 0.5 * facts.span_m / speed
+    force = 0.5 * model["air_density_kgpm3"] * speed**2 * airframe.wing_area_m2 * airframe.span_m
+    effect = force / airframe.ixx_kgm2 * model["Cl_aileron"]
+    damping = -force / airframe.ixx_kgm2 * model["Cl_p"] * 0.5 * airframe.span_m / speed
     radps = np.array([20.0, 30.0, 40.0])
     s = 1j * radps
     slower = VALUES["LAT_SPEED"] / speed

@@ -21,8 +21,8 @@ from tgl_soar.types import polar_sink
 def glide_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The module on board of a gliding test flight."""
     folder = tmp_path_factory.mktemp("glide")
-    facts = LogMetadata({"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0"}, {})
-    recorder = FlightRecorder(folder, facts, 0.0, patient=True)
+    metadata = LogMetadata({"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0"}, {})
+    recorder = FlightRecorder(folder, metadata, 0.0, patient=True)
     recorder.start()
     recorder.parameters(ParameterSet())
     speeds = (9.2, 8.4, 7.9, 8.8, 9.8, 10.6, 11.4)

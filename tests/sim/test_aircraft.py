@@ -41,8 +41,8 @@ from tgl_soar.sim.compiled import compiled
 from tgl_soar.types import NO_FIX, SurfaceCommand, polar_sink
 
 AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
-FACTS = asdict(AIRFRAME.airframe)
-MODEL = aircraft_model(FACTS, AIRFRAME.model)
+AIRFRAME_TABLE = asdict(AIRFRAME.airframe)
+MODEL = aircraft_model(AIRFRAME_TABLE, AIRFRAME.model)
 NO_DRAG = MODEL._replace(CD0=0.0, CD_lift=0.0, CD_separated=0.0, CD_beta=0.0)
 NO_AIR = MODEL._replace(air_density_kgpm3=0.0)
 STILL = (0.0, 0.0, 0.0)
@@ -563,18 +563,18 @@ def test_it_glides_on_its_side_as_the_lift_law_says() -> None:
 )
 def test_bad_coefficients_are_named(key: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"model\.{key} = "):
-        aircraft_model(FACTS, {**AIRFRAME.model, key: value})
+        aircraft_model(AIRFRAME_TABLE, {**AIRFRAME.model, key: value})
 
 
 def test_missing_and_unknown_keys_are_named() -> None:
     with pytest.raises(ValueError, match=r"model\.Cm_q = None"):
-        aircraft_model(FACTS, {k: v for k, v in AIRFRAME.model.items() if k != "Cm_q"})
+        aircraft_model(AIRFRAME_TABLE, {k: v for k, v in AIRFRAME.model.items() if k != "Cm_q"})
     with pytest.raises(ValueError, match=r"model\.Cm_gamma: unknown"):
-        aircraft_model(FACTS, {**AIRFRAME.model, "Cm_gamma": 1.0})
+        aircraft_model(AIRFRAME_TABLE, {**AIRFRAME.model, "Cm_gamma": 1.0})
     with pytest.raises(ValueError, match=r"airframe\.mass_kg = -1"):
-        aircraft_model({**FACTS, "mass_kg": -1}, AIRFRAME.model)
+        aircraft_model({**AIRFRAME_TABLE, "mass_kg": -1}, AIRFRAME.model)
     with pytest.raises(ValueError, match=r"airframe\.mass_kg = True"):
-        aircraft_model({**FACTS, "mass_kg": True}, AIRFRAME.model)
+        aircraft_model({**AIRFRAME_TABLE, "mass_kg": True}, AIRFRAME.model)
 
 
 # --- numba takes it as it stands --------------------------------------------------------------

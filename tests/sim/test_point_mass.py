@@ -39,9 +39,9 @@ from tgl_soar.types import SurfaceCommand, polar_sink
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 AIRFRAME, SITE = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
-FACTS, POLAR = asdict(AIRFRAME.airframe), AIRFRAME.polar.as_polar()
-MODEL = point_mass(FACTS, AIRFRAME.model, POLAR)
-RIGID: AircraftModel = aircraft_model(FACTS, AIRFRAME.model)
+AIRFRAME_TABLE, POLAR = asdict(AIRFRAME.airframe), AIRFRAME.polar.as_polar()
+MODEL = point_mass(AIRFRAME_TABLE, AIRFRAME.model, POLAR)
+RIGID: AircraftModel = aircraft_model(AIRFRAME_TABLE, AIRFRAME.model)
 STILL: Wind = (0.0, 0.0, 0.0)
 DT_S = 0.005
 
@@ -284,18 +284,18 @@ def test_another_name_is_refused_with_those_that_there_are(kind: str) -> None:
 
 def test_only_a_point_mass_has_an_engine() -> None:
     driven = {**AIRFRAME.model, "thrust_n": 1.5}
-    assert point_mass(FACTS, driven, POLAR).thrust_n == 1.5
+    assert point_mass(AIRFRAME_TABLE, driven, POLAR).thrust_n == 1.5
     with pytest.raises(ValueError, match=r"model\.thrust_n: unknown"):
-        aircraft_model(FACTS, driven)
+        aircraft_model(AIRFRAME_TABLE, driven)
     with pytest.raises(ValueError, match=r"model\.thrust_n = -1\.0: must be 0 or above"):
-        point_mass(FACTS, {**AIRFRAME.model, "thrust_n": -1.0}, POLAR)
+        point_mass(AIRFRAME_TABLE, {**AIRFRAME.model, "thrust_n": -1.0}, POLAR)
 
 
 def test_figures_that_make_no_point_mass_are_refused() -> None:
     with pytest.raises(ValueError, match=r"model\.Cn_beta = -0\.1: must be above 0"):
-        point_mass(FACTS, {**AIRFRAME.model, "Cn_beta": -0.1}, POLAR)
+        point_mass(AIRFRAME_TABLE, {**AIRFRAME.model, "Cn_beta": -0.1}, POLAR)
     with pytest.raises(ValueError, match="polar: its drag"):
-        point_mass(FACTS, AIRFRAME.model, POLAR._replace(c0=3.0, c1=-0.2, c2=0.0, c3=0.0))
+        point_mass(AIRFRAME_TABLE, AIRFRAME.model, POLAR._replace(c0=3.0, c1=-0.2, c2=0.0, c3=0.0))
     with pytest.raises(ValueError, match=r"the polar begins at 7\.6 m/s"):
         MODEL.glide_at(7.0)
     with pytest.raises(ValueError, match="too fast"):

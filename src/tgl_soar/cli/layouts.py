@@ -39,8 +39,8 @@ _COLOURS: Final = ("#1f77b4", "#d62728", "#2ca02c")
 def plotjuggler() -> str:
     """A layout for PlotJuggler 3, to be loaded after a `.ulg`."""
     root = Xml.Element("root")
-    facts = {"parent": "main_window", "name": "Main Window"}
-    tabs = Xml.SubElement(root, "tabbed_widget", facts)
+    attributes = {"parent": "main_window", "name": "Main Window"}
+    tabs = Xml.SubElement(root, "tabbed_widget", attributes)
     _tab(tabs, "flight", [_over_time(panel) for panel in PANELS])
     _tab(tabs, "vertical plane", [_plane()])
     Xml.SubElement(tabs, "currentTabIndex", index="0")
@@ -54,8 +54,8 @@ def _tab(tabs: Xml.Element, name: str, areas: list[Xml.Element]) -> None:
     tab = Xml.SubElement(tabs, "Tab", tab_name=name, containers="1")
     container = Xml.SubElement(tab, "Container")
     sizes = ";".join([f"{1 / len(areas):.6f}"] * len(areas))
-    facts = {"orientation": "-", "count": str(len(areas)), "sizes": sizes}
-    Xml.SubElement(container, "DockSplitter", facts).extend(areas)
+    attributes = {"orientation": "-", "count": str(len(areas)), "sizes": sizes}
+    Xml.SubElement(container, "DockSplitter", attributes).extend(areas)
 
 
 def _over_time(panel: PlotPanel) -> Xml.Element:

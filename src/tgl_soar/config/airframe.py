@@ -209,8 +209,8 @@ class Airframe(Strict, frozen=True):
     def all_parameters(self) -> dict[str, float]:
         """What the file gives: of the airframe in pitch, its stall and glide, and `[parameters]`,
         which come first."""
-        facts = self.airframe
-        bench = {name: getattr(facts, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
+        table = self.airframe
+        bench = {name: getattr(table, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
         polar, route = self.polar.as_polar(), (self.autopilot.firmware, self.autopilot.route)
         derived = dynamics_parameters(self.dynamics, bench, self.model, polar, route)
         return {
@@ -227,10 +227,10 @@ class Airframe(Strict, frozen=True):
 
     def aerodynamics(self) -> Aerodynamics:
         """Lift and drag as the flying module knows them; `NO_AERODYNAMICS` without a model."""
-        model, facts = self.model, self.airframe
+        model, table = self.model, self.airframe
         if not all(key in model for key in _AERODYNAMIC):
             return NO_AERODYNAMICS
-        bench = {key: getattr(facts, key) for key in _ON_THE_BENCH}
+        bench = {key: getattr(table, key) for key in _ON_THE_BENCH}
         known = {**dict.fromkeys((*OF_THE_BRAKE, *OF_THE_PROPELLER), 0.0), **bench, **model}
         if self.surfaces.brake is None:  # nothing moves it
             known.update(dict.fromkeys(OF_THE_BRAKE, 0.0))

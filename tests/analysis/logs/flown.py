@@ -108,11 +108,11 @@ def flight() -> tuple[Tick, ...]:
 
 def our_parts(folder: Path, largest_bytes: int = 1_000_000_000) -> list[Path]:
     """The module's own log, in as many parts as its largest size makes of it."""
-    facts = LogMetadata(
+    metadata = LogMetadata(
         {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0", "site_file": str(SITE)},
         {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
     )
-    recorder = FlightRecorder(folder, facts, 0.0, patient=True, largest_bytes=largest_bytes)
+    recorder = FlightRecorder(folder, metadata, 0.0, patient=True, largest_bytes=largest_bytes)
     recorder.start()
     values = None
     for tick in flight():

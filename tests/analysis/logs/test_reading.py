@@ -174,8 +174,8 @@ def test_others_name_modes_messages_and_parameters(flights: dict[str, FlightData
     px4, ardupilot = flights["px4"], flights["dataflash"]
     assert [m.name for m in px4.autopilot_modes] == ["Manual", "Offboard"]
     assert [m.name for m in ardupilot.autopilot_modes] == ["MANUAL", "FBWA"]
-    assert px4.facts["system"] == "PX4"
-    assert ardupilot.facts["firmware"].startswith("ArduPlane V4")
+    assert px4.metadata["system"] == "PX4"
+    assert ardupilot.metadata["firmware"].startswith("ArduPlane V4")
     assert {e.text for e in px4.events} == {"FW_AIRSPD_TRIM 8.5 → 9", "Stall warning"}
     assert "AIRSPEED_CRUISE 8.5 → 9" in [e.text for e in ardupilot.events]
     assert px4.parameters["FW_AIRSPD_TRIM"] == 8.5

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from logged_flight import AIRFRAME, FACTS, SITE, LoggedFlight, logs_in, recorded
+from logged_flight import AIRFRAME, METADATA, SITE, LoggedFlight, logs_in, recorded
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
@@ -151,7 +151,7 @@ def test_a_flight_between_real_processes_replays_bit_for_bit(tmp_path: Path) -> 
 def test_a_flight_that_holds_a_point_replays_bit_for_bit(tmp_path: Path) -> None:
     with_brake = AIRFRAME.with_name("eclipson_c_spoilers.toml")
     texts = {"airframe": with_brake.read_text(), "site": SITE.read_text()}
-    recorder = FlightRecorder(tmp_path, FACTS._replace(texts=texts), 0.0, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA._replace(texts=texts), 0.0, patient=True)
     recorder.start()
     flight = LoggedFlight(
         recorder, airframe_path=with_brake, parameters={"TGL_HOLD": 1.0, "TGL_ALONG": -0.1}
@@ -189,7 +189,7 @@ def test_a_log_that_is_cut_off_replays_up_to_the_cut(path: Path, share: float) -
 
 
 def test_behind_a_gap_the_next_state_is_taken_up(tmp_path: Path) -> None:
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, patient=True)
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(1.0)
@@ -206,11 +206,11 @@ def test_behind_a_gap_the_next_state_is_taken_up(tmp_path: Path) -> None:
 
 def test_a_module_that_began_anew_in_flight_replays_on(tmp_path: Path) -> None:
     """The simulator was restarted: the vehicle's clock goes back, all begins afresh."""
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, patient=True)
     recorder.start()
     first = LoggedFlight(recorder)
     first.run(2.5)
-    second = LoggedFlight(FlightRecorder(tmp_path / "nowhere", FACTS, 0.0), seed=2)
+    second = LoggedFlight(FlightRecorder(tmp_path / "nowhere", METADATA, 0.0), seed=2)
     first.world = second.world
     first.run(1.0)
     recorder.stop()

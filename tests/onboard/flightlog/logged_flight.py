@@ -17,7 +17,7 @@ from tgl_soar.types import SurfaceCommand
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
-FACTS = LogMetadata(
+METADATA = LogMetadata(
     {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0"},
     {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
 )
@@ -96,7 +96,7 @@ class LoggedFlight:
 
 def recorded(folder: Path, seconds: float = 4.0, **options: Any) -> Path:
     """Fly and land; the log's first part."""
-    recorder = FlightRecorder(folder, FACTS, 0.0, patient=True, **options)
+    recorder = FlightRecorder(folder, METADATA, 0.0, patient=True, **options)
     flight = LoggedFlight(recorder)
     recorder.start()
     flight.run(seconds)

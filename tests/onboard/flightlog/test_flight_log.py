@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from logged_flight import AIRFRAME, FACTS, LoggedFlight, logs_in, recorded
+from logged_flight import AIRFRAME, METADATA, LoggedFlight, logs_in, recorded
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pyulog import ULog
@@ -115,7 +115,7 @@ def test_pyulog_reads_all_of_it(path: Path) -> None:
 
 def test_it_holds_what_was_flown(log: FlightLog, tmp_path: Path) -> None:
     """Against the module's own last output, and the same flight flown again."""
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     flight = LoggedFlight(recorder)
     flight.run(4.0)
     output = flight.onboard.output
@@ -173,7 +173,7 @@ def test_mavlogdump_prints_the_wire(path: Path) -> None:
 
 def test_a_key_on_the_wire_is_not_written_down(tmp_path: Path) -> None:
     key = bytes(range(1, 33))
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.hear(mavlink.MAVLink_setup_signing_message(1, 191, key, 0), station=True)
@@ -185,7 +185,7 @@ def test_a_key_on_the_wire_is_not_written_down(tmp_path: Path) -> None:
 
 
 def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> None:
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     recorder.start()
     recorder.parameters(ParameterSet())
     laws, state = laws_from(ParameterSet(), SoaringFrame(0.0, 0.0, 0.0, 0.0)), initial_state()
@@ -209,7 +209,7 @@ def test_a_number_that_fits_no_float_is_logged_as_infinite(tmp_path: Path) -> No
 
 
 def test_what_is_received_before_the_first_parameters_ends_no_log(tmp_path: Path) -> None:
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     recorder.start()
     recorder.inbound(0, b"received", True)
     recorder.parameters(ParameterSet())
@@ -218,7 +218,7 @@ def test_what_is_received_before_the_first_parameters_ends_no_log(tmp_path: Path
 
 
 def test_what_was_on_the_wire_goes_to_the_disk_within_a_second(tmp_path: Path) -> None:
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     recorder.start()
     LoggedFlight(recorder).run(0.4)
     time.sleep(FLUSH_S)
@@ -367,7 +367,7 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
     day.mkdir()
     for number in (1, 2):
         (day / f"10_00_00_flight{number:03d}.ulg").write_bytes(bytes(1_000_000))
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=3_500_000, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, largest_bytes=3_500_000, patient=True)
     recorder.start()
     key = bytes(range(1, 33)) if is_signed else None
     flight = LoggedFlight(recorder, signing=Signing(key, 1.6e9, 0.0), unsigned_autopilot=is_signed)
@@ -403,7 +403,7 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
 
 def test_what_refused_frames_take_in_all_has_an_end(tmp_path: Path) -> None:
     """However long the flight."""
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=10_000_000)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, largest_bytes=10_000_000)
     frame = stranger()
     for second in range(3600):
         recorder.allowance.refused.takes(len(frame), second * 1_000_000)
@@ -466,7 +466,7 @@ def test_what_was_deleted_is_reported(tmp_path: Path) -> None:
     day.mkdir()
     for number in (1, 2, 3):
         (day / f"10_00_00_flight{number:03d}.ulg").write_bytes(bytes(500_000))
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, largest_bytes=1_000_000, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, largest_bytes=1_000_000, patient=True)
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(0.2)
@@ -488,7 +488,7 @@ def test_names_tell_day_and_flight_or_count_where_no_day_is_known(tmp_path: Path
 
 def flown_on(folder: Path) -> tuple[LoggedFlight, FlightRecorder]:
     """A flight whose log meets trouble: it must go on."""
-    recorder = FlightRecorder(folder, FACTS, 0.0, patient=True)
+    recorder = FlightRecorder(folder, METADATA, 0.0, patient=True)
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(1.5)
@@ -542,7 +542,7 @@ def test_what_a_limit_on_files_lets_through_can_be_read(tmp_path: Path) -> None:
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
         "from logged_flight import *\n"
-        "recorder = FlightRecorder(Path(sys.argv[1]), FACTS, 0.0, patient=True)\n"
+        "recorder = FlightRecorder(Path(sys.argv[1]), METADATA, 0.0, patient=True)\n"
         "recorder.start(); flight = LoggedFlight(recorder); flight.run(3.0)\n"
         "print(flight.onboard.counters.ticks, *flight.console, *recorder.stop(), sep='|')\n"
     )
@@ -575,7 +575,7 @@ def test_a_disk_that_does_not_answer_holds_up_nothing(
         return os.write(descriptor, data)
 
     monkeypatch.setattr(disk, "write", write)
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, buffers=4)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, buffers=4)
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(3.0)
@@ -700,7 +700,7 @@ def test_a_file_that_is_no_log_is_reported(tmp_path: Path, data: bytes, why: str
 
 def test_a_clock_that_jumps_is_reported(tmp_path: Path) -> None:
     """The simulator was restarted: the loop's clock goes back, the ticks count on."""
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, patient=True)
     recorder.start()
     recorder.parameters(ParameterSet())
     laws, state = laws_from(ParameterSet(), SoaringFrame(0.0, 0.0, 0.0, 0.0)), initial_state()
@@ -729,7 +729,7 @@ def test_another_layout_is_reported(path: Path, tmp_path: Path) -> None:
 
 
 def test_ticks_that_a_busy_computer_leaves_out_are_missed_and_marked(tmp_path: Path) -> None:
-    recorder = FlightRecorder(tmp_path, FACTS, 0.0, patient=True)
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, patient=True)
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(1.0)

@@ -210,7 +210,7 @@ def read_dataflash(name: str, log: Dataflash) -> FlightData:
         flight,
         events=tuple(sorted(events)),
         parameters=first,
-        facts=_facts(events),
+        metadata=_metadata(events),
         lost=(*log.lost, *_dropped(kinds), *clocks.lost),
     )
     return with_missing(flight, wanted)
@@ -274,7 +274,7 @@ def _parameters(
     return first, changes
 
 
-def _facts(events: list[Event]) -> dict[str, str]:
+def _metadata(events: list[Event]) -> dict[str, str]:
     """The firmware names itself in its first messages."""
     for event in events:
         if event.kind == "message" and event.text.startswith(("Ardu", "APM:")):

@@ -161,7 +161,7 @@ class FlightData:
     autopilot_modes: tuple[LoggedMode, ...] = ()  # of the firmware
     events: tuple[Event, ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
-    facts: Mapping[str, str] = field(default_factory=dict)  # versions, files, dates: name, words
+    metadata: Mapping[str, str] = field(default_factory=dict)  # versions, files, dates: name, words
     files: Mapping[str, str] = field(default_factory=dict)  # "airframe", "site": whole files
     streams: Mapping[str, Floats] = field(default_factory=dict)  # times at which each arrived
     loss: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # frames: arrived, lost

@@ -105,7 +105,7 @@ def read_module_log(log: FlightLog) -> FlightData:
         modes=changes_of(times, modes),
         events=tuple(sorted([*topics.events(), *_reasons(topics, modes, log)])),
         parameters=topics.parameters(),
-        facts={word: str(log.info[key]) for key, word in _METADATA.items() if key in log.info},
+        metadata={word: str(log.info[key]) for key, word in _METADATA.items() if key in log.info},
         files=log.texts,
         streams={name: t for name, t in topics.time_s.items() if name != "parameter"},
         start_s=topics.start_s,

@@ -81,7 +81,7 @@ def read_px4(log: FlightLog) -> FlightData:
         autopilot_modes=_modes(topics),
         events=tuple(sorted([*topics.events(), *_failsafes(topics)])),
         parameters=topics.parameters(),
-        facts={word: str(log.info[key]) for key, word in _METADATA.items() if key in log.info},
+        metadata={word: str(log.info[key]) for key, word in _METADATA.items() if key in log.info},
         streams=topics.time_s,
         lost=topics.lost,
     )

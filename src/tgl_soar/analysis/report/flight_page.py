@@ -359,8 +359,8 @@ def page_text(analysis: Analysis, figures: dict[str, str]) -> str:
 def _head(analysis: Analysis) -> str:
     flight, known, legs = analysis.flight, analysis.known, analysis.legs
     where = ", ".join(escape(word) for word in (known.site, known.airframe) if word)
-    started = flight.facts.get("started", "")
-    facts = " · ".join(
+    started = flight.metadata.get("started", "")
+    metadata = " · ".join(
         escape(word)
         for word in (flight.kind, started.replace("T", " ").replace("Z", " UTC"))
         if word
@@ -379,7 +379,7 @@ def _head(analysis: Analysis) -> str:
         tiles.append((f"{100 * rms:.2f} cm", "rms e_rho on the lines"))
     cells = "".join(f"<div><b>{value}</b><span>{word}</span></div>" for value, word in tiles)
     return (
-        f"<header><p class=kind>{facts}</p><h1>{escape(flight.name)}</h1>"
+        f"<header><p class=kind>{metadata}</p><h1>{escape(flight.name)}</h1>"
         f"<p>{where}</p><div class=tiles>{cells}</div></header>"
     )
 

@@ -24,7 +24,7 @@ from tgl_soar.sim.campaign.encoding import digest, result_type
 from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.journal import Journal, JournalError
-from tgl_soar.sim.campaign.provenance import commit, host_facts, libraries, source_digest
+from tgl_soar.sim.campaign.provenance import commit, host_metadata, libraries, source_digest
 from tgl_soar.sim.campaign.rows import available, write_rows
 from tgl_soar.sim.campaign.run import OnProgress, run, silent
 
@@ -152,7 +152,7 @@ class CampaignFolder(Generic[Job, Flown]):
                 "begun": _now(),
                 "by": executor.description,
                 "from": before,
-                **host_facts(),
+                **host_metadata(),
             }
         )
         self._write_manifest()

@@ -45,7 +45,7 @@ def commit() -> str:
     return found.stdout.strip()
 
 
-def host_facts() -> dict[str, Any]:
+def host_metadata() -> dict[str, Any]:
     """The computer, and what rounds there."""
     return {
         "host": platform.node(),

@@ -141,8 +141,8 @@ def fitted(
 def truth() -> tuple[AircraftModel, KnownAircraft]:
     """The model of the airframe file, and what is known beforehand of whatever flies."""
     airframe = load_airframe(AIRFRAME)
-    facts = asdict(airframe.airframe)
-    return aircraft_model(facts, airframe.model), body_from(facts, airframe.model)
+    airframe_table = asdict(airframe.airframe)
+    return aircraft_model(airframe_table, airframe.model), body_from(airframe_table, airframe.model)
 
 
 def flies(job: GlideJob) -> GlideTruth:
@@ -152,11 +152,11 @@ def flies(job: GlideJob) -> GlideTruth:
         drawn = drawn_mismatch(job.seed, ALREADY)
         airframe = flown_airframe(airframe, mismatched_figures(airframe, drawn))
         sensors = mismatched_sensors(sensors, drawn)
-    facts = asdict(airframe.airframe)
+    airframe_table = asdict(airframe.airframe)
     return GlideTruth(
         airframe=airframe,
-        model=aircraft_model(facts, airframe.model),
-        body=body_from(facts, airframe.model),
+        model=aircraft_model(airframe_table, airframe.model),
+        body=body_from(airframe_table, airframe.model),
         sensors=sensors,
     )
 
