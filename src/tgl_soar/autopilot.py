@@ -505,9 +505,18 @@ def _guide(
         laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s, line.eta_rad
     )
     limited, speed, faults = state.loops.limited, memory.gain_speed_mps, estimates.health.faults
-    felt = memory.imu_weight == 1.0
+    inertial = memory.imu_weight == 1.0
     held, effect = point_step(
-        laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, felt, faults, dt_s
+        laws,
+        state.brake,
+        limited,
+        decision.mode,
+        line.eta_rad,
+        vehicle,
+        speed,
+        inertial,
+        faults,
+        dt_s,
     )
     gains, effect = with_power(gains, effect, state.throttle)
     passage = state.passage

@@ -457,7 +457,7 @@ def test_it_disengages_from_a_line_that_it_has_lost() -> None:
     assert flight.changes() == [("released", "e_rho beyond CAPTURE_MAX")]
 
 
-def test_a_place_believed_after_doubt_is_a_new_line_and_no_step() -> None:
+def test_a_place_accepted_after_uncertainty_is_a_new_line_and_no_step() -> None:
     """The tracker has moved its origin: held through, then flown on from where the aircraft is."""
 
     def moved(_: int, inputs: Inputs) -> Inputs:

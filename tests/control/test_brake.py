@@ -90,7 +90,7 @@ def around(state: BrakeState) -> Around:
         room=1.0,
         brake=state.brake,
         aileron=0.0,
-        felt=False,
+        inertial=False,
         up_free=True,
         down_free=True,
     )

@@ -76,7 +76,7 @@ class Slide:
 
     `room`: how far the brake may go; `effect`: of what the brake is commanded, what it does;
     `stuck`: where a half or all of it stands that does not move; `roll`: aileron for all of the
-    difference of two halves; `trim`, `throw`: of ailerons that are the brake too; `felt`:
+    difference of two halves; `trim`, `throw`: of ailerons that are the brake too; `inertial`:
     accelerations are known.
     """
 
@@ -89,11 +89,11 @@ class Slide:
         gusts: float = 0.0,
         speed_mps: float = SPEED_MPS,
         room: float = 1.0,
-        felt: bool = False,
+        inertial: bool = False,
         seed: int = 3,
     ) -> None:
         self.effect, self.stuck, self.roll, self.gusts = effect, stuck, roll, gusts
-        self.airspeed_mps, self.room, self.felt = speed_mps, room, felt
+        self.airspeed_mps, self.room, self.inertial = speed_mps, room, inertial
         self.along_m = self.speed_mps = self.gust_mps = self.aileron = 0.0
         self.roll_gust = self.trim = self.throw = 0.0
         self.bound = 0
@@ -132,7 +132,7 @@ class Slide:
                 room=room,
                 brake=brake,
                 aileron=self.aileron,
-                felt=self.felt,
+                inertial=self.inertial,
                 up_free=up_free,
                 down_free=down_free,
             )
@@ -205,7 +205,7 @@ def test_outside_the_band_a_brake_that_acts_is_tried_once_and_goes_on(
 def test_a_law_at_an_end_shakes_the_brake_and_gives_up_one_that_has_jammed(
     speed: float, gusts: float
 ) -> None:
-    flight = Slide(effect=0.0, stuck=0.9, gusts=gusts, speed_mps=speed, felt=True)
+    flight = Slide(effect=0.0, stuck=0.9, gusts=gusts, speed_mps=speed, inertial=True)
     shaken = []
     for _ in range(600):
         flight.fly(LAWS.brake._replace(gives_way=True), 0.11)  # no whole part of a shake
@@ -222,9 +222,9 @@ def test_outside_the_band_a_brake_that_acts_is_shaken_and_then_the_point_may_giv
     gusts: float,
 ) -> None:
     along = LAWS.brake._replace(along_m=0.35)
-    stays = Slide(gusts=gusts, felt=True).fly(along, 120.0)
+    stays = Slide(gusts=gusts, inertial=True).fly(along, 120.0)
     assert set(stays.standings) == {RESTS, HOLDS, ABOVE_BAND}
-    gives = Slide(gusts=gusts, felt=True).fly(along._replace(gives_way=True), 120.0)
+    gives = Slide(gusts=gusts, inertial=True).fly(along._replace(gives_way=True), 120.0)
     assert GIVES_WAY in gives.standings
     assert gives.state.standing == HOLDS
     # Not on the word of a shake that is long past.
@@ -265,7 +265,7 @@ def test_where_the_envelope_leaves_a_part_of_the_brake_the_end_of_that_is_an_end
 
 @pytest.mark.parametrize("rate", [2.0, 0.5])
 def test_a_brake_that_goes_only_so_fast_is_at_no_end(rate: float) -> None:
-    flight = Slide(gusts=0.5, felt=True)
+    flight = Slide(gusts=0.5, inertial=True)
     flight.rate = rate
     flight.fly(LAWS.brake, 60.0)
     assert set(flight.standings) == {RESTS, HOLDS}

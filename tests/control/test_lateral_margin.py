@@ -127,7 +127,7 @@ def test_a_gain_that_swings_is_refused_in_flight_and_warned_of_on_the_ground(
 
 
 def test_a_gain_that_leaves_little_is_taken_in_flight_with_a_warning() -> None:
-    changes = LineChanges(fault=BOUNDS.fault, ringing=BOUNDS.ringing, doubt=BOUNDS.doubt)
+    changes = LineChanges(fault=BOUNDS.fault, ringing=BOUNDS.ringing, warning=BOUNDS.warning)
     taken = changes.set(VALUES, "AIL_P", 3.2 * VALUES["AIL_P"], flying=True)
     assert taken.values["AIL_P"] == pytest.approx(3.2 * VALUES["AIL_P"])
     assert taken.warning.startswith("little margin in roll at ")

@@ -24,8 +24,8 @@ def view(time_s: float, **changes: Any) -> LaunchView:
     push, pitch = changes.pop("push", 0.0), changes.pop("pitch_rad", 0.05)
     speed, climb = changes.pop("upwind_mps", 0.0), changes.pop("climb_mps", 0.0)
     vehicle = VehicleState(*(time_s, 0, 0, 5, -speed, 0, climb, 0, pitch, 0, 0, 0, 0))
-    felt_s = time_s - changes.pop("old_s", 0.0)
-    imu = NO_IMU._replace(time_s=felt_s, force_x_frd_mps2=push + 9.80665 * sin(pitch))
+    detected_s = time_s - changes.pop("old_s", 0.0)
+    imu = NO_IMU._replace(time_s=detected_s, force_x_frd_mps2=push + 9.80665 * sin(pitch))
     usual = LaunchView(
         vehicle=vehicle,
         imu=imu,

@@ -192,17 +192,17 @@ def test_a_gain_that_leaves_its_margin_is_taken_without_a_word() -> None:
 def test_where_nothing_is_judged_it_is_reported() -> None:
     """Of an airframe that is not known, and by an attitude route, where no ELE_ gain is flown."""
     known, bounds = shipped_values(), LineBounds()
-    assert bounds.doubt(known) == ""
+    assert bounds.warning(known) == ""
     unknown = known.changed({"DYN_PATH": 0.0})
     words = "no margin is judged: of the airframe DYN_PATH is not known"
-    assert bounds.doubt(unknown) == words
-    changes = LineChanges(fault=bounds.fault, ringing=bounds.ringing, doubt=bounds.doubt)
+    assert bounds.warning(unknown) == words
+    changes = LineChanges(fault=bounds.fault, ringing=bounds.ringing, warning=bounds.warning)
     for flying in (True, False):
         assert changes.set(known, "DYN_PATH", 0.0, flying=flying).warning == words
         assert changes.set(unknown, "ELE_D", 1.5, flying=flying).warning == words
     assert changes.set(unknown, "TGL_X", known["TGL_X"] + 0.01, flying=False).warning == ""
     theirs = LineBounds(loops=THEIRS)
-    routed = LineChanges(fault=theirs.fault, ringing=theirs.ringing, doubt=theirs.doubt)
+    routed = LineChanges(fault=theirs.fault, ringing=theirs.ringing, warning=theirs.warning)
     taken = routed.set(known, "ELE_D", 1.5, flying=True)
     assert taken.values["ELE_D"] == 1.5
     assert taken.warning == "no margin is judged: the autopilot's own loops hold the attitude"

@@ -303,12 +303,12 @@ def test_a_quick_path_costs_gain_by_fixes_alone() -> None:
     """There the pitch loop has less rate gain to bear a loop that crosses over late."""
     quick = SOFT._replace(path_s=0.1)
     firm = SOFT._replace(path_s=0.0)
-    by_fixes, felt = (
+    by_fixes, measured = (
         soaring(30.0, schedule=quick, imu=imu).kd / soaring(30.0, schedule=firm, imu=imu).kd
         for imu in (0.0, 1.0)
     )
     assert by_fixes < 0.9
-    assert felt > 0.99
+    assert measured > 0.99
 
 
 def test_the_lag_of_the_path_is_that_of_the_speed_of_the_finding() -> None:

@@ -224,7 +224,7 @@ def test_every_entry_check_refuses_in_its_own_words(mode: int) -> None:
     assert np.array_equal(refused, asked_in_vain)
     reasons = set()
     for check in bits_of(s.ENTRY):
-        decision = next_mode(mode, (s.ENGAGE | s.ENTRY | s.STREAMS_SEEN) & ~check)
+        decision = next_mode(mode, (s.ENGAGE | s.ENTRY | s.STREAMS_ARRIVED) & ~check)
         assert (decision.mode, decision.action) == (s.RELEASED, s.HAND_OVER)
         reasons.add(decision.reason)
     assert len(reasons) == len(bits_of(s.ENTRY))
@@ -249,7 +249,7 @@ def test_boot_ends_when_every_stream_was_seen() -> None:
     everything = walk(s.BOOT)
     unasked = everything.lacks(s.ENGAGE)
     assert np.array_equal(
-        everything.to[unasked] == s.STANDBY, everything.has(s.STREAMS_SEEN)[unasked]
+        everything.to[unasked] == s.STANDBY, everything.has(s.STREAMS_ARRIVED)[unasked]
     )
 
 
@@ -258,7 +258,7 @@ def test_released_ends_exactly_when_the_request_is_withdrawn() -> None:
     assert np.array_equal(everything.to == s.RELEASED, everything.has(s.ENGAGE))
     gone = everything.to != s.RELEASED
     assert np.all(everything.reason[gone] == s.REASON_WITHDRAWN)
-    assert np.array_equal(everything.to[gone] == s.STANDBY, everything.has(s.STREAMS_SEEN)[gone])
+    assert np.array_equal(everything.to[gone] == s.STANDBY, everything.has(s.STREAMS_ARRIVED)[gone])
 
 
 def test_holding_ends() -> None:
@@ -371,7 +371,7 @@ def test_under_standing_conditions_it_comes_to_rest() -> None:
         for _ in range(2000):
             now = everything.conditions(dice.randrange(len(everything.numbers)))
             now |= dice.getrandbits(s.CONDITIONS) & ~sum(looked_at(mode))
-            now |= s.STREAMS_SEEN if now & s.ENTRY == s.ENTRY else 0
+            now |= s.STREAMS_ARRIVED if now & s.ENTRY == s.ENTRY else 0
             path = [mode]
             while (after := next_mode(path[-1], now).mode) != path[-1]:
                 path.append(after)
@@ -746,18 +746,18 @@ def test_before_the_first_tick_nothing_is_known() -> None:
     assert (state.mode, state.boots, state.armed) == (s.BOOT, 0, False)
     # Every timer starts with the first look, whatever the loop's clock says then.
     assert (state.since_s, state.unready_s, state.trouble_s, state.clear_s) == (inf,) * 4
-    _, first = supervise(state, -1e9, s.STREAMS_SEEN, 0, False, HOLD_S, RECOVER_S)
+    _, first = supervise(state, -1e9, s.STREAMS_ARRIVED, 0, False, HOLD_S, RECOVER_S)
     assert first.mode == s.STANDBY
     assert state.conditions == -1  # no conditions are these
 
 
 def test_a_mode_that_begins_in_a_tick_without_a_time_begins_with_the_next() -> None:
     state = initial_supervisor()
-    state, decision = supervise(state, nan, s.STREAMS_SEEN, 0, False, HOLD_S, RECOVER_S)
+    state, decision = supervise(state, nan, s.STREAMS_ARRIVED, 0, False, HOLD_S, RECOVER_S)
     assert decision.mode == s.STANDBY
     assert (state.since_s, state.conditions) == (inf, -1)
     for now, settled in ((5.0, False), (5.1, False), (5.0 + s.MINIMUM_S, True)):
-        state, _ = supervise(state, now, s.STREAMS_SEEN, 0, False, HOLD_S, RECOVER_S)
+        state, _ = supervise(state, now, s.STREAMS_ARRIVED, 0, False, HOLD_S, RECOVER_S)
         assert bool(state.conditions & s.SETTLED) == settled
 
 

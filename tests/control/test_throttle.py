@@ -1,4 +1,4 @@
-"""The throttle's law: called by what, closed in doubt, never beyond its budget."""
+"""The throttle's law: called by what, closed where it is uncertain, never beyond its budget."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_it_goes_on_for_a_while_and_fades() -> None:
 
 
 @pytest.mark.parametrize(
-    "doubt",
+    "uncertain",
     [
         {"allowed": False},
         {"climb_mps": nan},
@@ -120,10 +120,10 @@ def test_it_goes_on_for_a_while_and_fades() -> None:
         {"airspeed_mps": 18.0},  # nothing is left of the thrust
     ],
 )
-def test_in_doubt_it_is_closed_at_once(doubt: dict[str, float]) -> None:
+def test_where_it_is_uncertain_it_is_closed_at_once(uncertain: dict[str, float]) -> None:
     opened = after(SINKING, 1.0)
     assert opened.share > 0.3
-    state = throttle_step(PARAMS, opened, SINKING._replace(**doubt), DT)  # type: ignore[arg-type]
+    state = throttle_step(PARAMS, opened, SINKING._replace(**uncertain), DT)  # type: ignore[arg-type]
     assert (state.share, state.integral_mps) == (0.0, 0.0)
     assert state.used_s == opened.used_s
     assert 0.0 < state.push_mps2 < opened.push_mps2 or opened.turns == 0.0  # it runs down

@@ -38,7 +38,7 @@ def flown(t: float, swing_rad: float, bank_rad: float, sideways_mps: float) -> V
     )
 
 
-def felt(t: float, **weave: float) -> tuple[float, float]:
+def measured(t: float, **weave: float) -> tuple[float, float]:
     """What accelerometers without a bias feel, x and z, by differences of the velocity and by the
     rotation as a quaternion: no formula of the estimator's."""
     h = 1e-5
@@ -67,7 +67,7 @@ def test_however_it_weaves_only_the_bias_is_taken_out(weave: dict[str, float]) -
     errors = []
     for n in range(1, round(8.0 * BIAS_S / DT)):
         vehicle = flown(n * DT, **weave)
-        x, z = felt(n * DT, **weave)
+        x, z = measured(n * DT, **weave)
         imu = NO_IMU._replace(force_x_frd_mps2=x + BIAS_X, force_z_frd_mps2=z + BIAS_Z)
         frame = body_axes(vehicle)
         motion = body_motion(frame, vehicle)

@@ -235,7 +235,7 @@ def test_a_bad_fix_is_refused_and_counted(bad: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("sigma", [1e3, 1e160, inf])
-def test_a_fix_that_doubts_itself_beyond_measure_is_refused(sigma: float) -> None:
+def test_a_fix_that_is_uncertain_beyond_measure_is_refused(sigma: float) -> None:
     """Its square is no number any more: believed once, it would be the end of the estimate."""
     state = settled()
     fix = fix_at(99, NOW, straight(NOW), STRAIGHT)._replace(sigma_m=sigma)
@@ -247,7 +247,7 @@ def test_a_fix_that_doubts_itself_beyond_measure_is_refused(sigma: float) -> Non
 
 
 @pytest.mark.parametrize("speed", [26.0, 500.0, 1e200])
-def test_a_place_that_is_believed_does_not_vouch_for_its_velocity(speed: float) -> None:
+def test_a_place_that_is_accepted_does_not_vouch_for_its_velocity(speed: float) -> None:
     state = settled()
     for k in range(OUTLIERS_ACCEPTED):
         t = NOW + 0.02 * k
@@ -295,7 +295,7 @@ def test_half_a_velocity_is_none(place: int, bad: float) -> None:
 
 
 @pytest.mark.parametrize("velocity_known", [True, False])
-def test_after_a_long_gap_the_fix_is_believed(velocity_known: bool) -> None:
+def test_after_a_long_gap_the_fix_is_accepted(velocity_known: bool) -> None:
     # Nobody has measured accelerations: after a second the place is known to 0.8 m.
     state = settled()
     later = LAST + 1.0
@@ -533,7 +533,7 @@ def test_every_twentieth_fix_wrong_costs_nothing() -> None:
     assert state.rejected == 10
 
 
-def test_a_place_that_enough_fixes_agree_on_is_believed() -> None:
+def test_a_place_that_enough_fixes_agree_on_is_accepted() -> None:
     """The source has moved its origin: what it says is where the aircraft is, from now on."""
     state = settled()
     for k in range(OUTLIERS_ACCEPTED):
@@ -557,7 +557,7 @@ def test_one_outlier_that_comes_over_several_links_is_one() -> None:
     assert state.rejected == 2 * OUTLIERS_ACCEPTED
 
 
-def test_outliers_that_do_not_agree_are_never_believed() -> None:
+def test_outliers_that_do_not_agree_are_never_accepted() -> None:
     """Markers taken for others, here and there by turns."""
     state = settled()
     for k in range(20):
@@ -600,7 +600,7 @@ def test_one_attitude_turned_too_far_changes_nothing() -> None:
     assert turns.state.attitude.refused_in_a_row == 0
 
 
-def test_attitudes_that_agree_are_believed_the_fifth_time() -> None:
+def test_attitudes_that_agree_are_accepted_the_fifth_time() -> None:
     turns = Turns()
     assert [turns.tell(60.0).roll_rad for _ in range(4)] == [0.0] * 4
     assert turns.tell(60.0).roll_rad == pytest.approx(radians(60.0))
@@ -608,7 +608,7 @@ def test_attitudes_that_agree_are_believed_the_fifth_time() -> None:
     assert turns.state.rejected == 4
 
 
-def test_attitudes_that_contradict_each_other_are_never_believed() -> None:
+def test_attitudes_that_contradict_each_other_are_never_accepted() -> None:
     turns = Turns()
     for _ in range(100):
         assert turns.tell(60.0).roll_rad == 0.0

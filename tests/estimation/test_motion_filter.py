@@ -177,8 +177,11 @@ def flight(
         if imu and k not in deaf:
             walk = noise.bias * sqrt(DT / BIAS_S)
             bias = [b + dice.gauss(0.0, walk) for b in bias]
-            felt = [a[i] + bias[i] + dice.gauss(0.0, noise.force) for i in range(3)]
-            last_imu, last_attitude = accelerations(k, (felt[0], felt[1], felt[2])), level(k)
+            measured = [a[i] + bias[i] + dice.gauss(0.0, noise.force) for i in range(3)]
+            last_imu, last_attitude = (
+                accelerations(k, (measured[0], measured[1], measured[2])),
+                level(k),
+            )
         then = k - delay
         if then >= 0 and then % FIX_TICKS == 0 and k not in silent:
             at, speed = history[then]
@@ -267,8 +270,8 @@ def test_it_is_the_filter_that_goes_back_and_takes_everything_in_again() -> None
     path = [(0.5 * cos(2.0 * k * DT), 0.1 * k * DT, 1.0) for k in range(240)]
     for k in range(240):
         t = k * DT
-        felt = (-2.0 * cos(2.0 * t) + 0.1, -0.05, 0.2)
-        noisy = (felt[0] + dice.gauss(0, 0.2), felt[1] + dice.gauss(0, 0.2), felt[2])
+        measured = (-2.0 * cos(2.0 * t) + 0.1, -0.05, 0.2)
+        noisy = (measured[0] + dice.gauss(0, 0.2), measured[1] + dice.gauss(0, 0.2), measured[2])
         samples.append(accelerations(k, noisy))
         if k >= 40 and k % FIX_TICKS == 0:
             x, y, z = path[k - 8]
@@ -340,7 +343,7 @@ def test_innovations_and_errors_are_as_large_as_it_says(imu: bool, speed: float 
 def test_accelerations_that_come_and_go_are_counted_on_where_they_were(
     deaf: range, silent: range
 ) -> None:
-    """The doubt of the time without them is not forgotten when they come back."""
+    """The uncertainty of the time without them is not forgotten when they come back."""
     noise = Noise(0.003, None, 0.2, 0.15)
     nis, gap_nees, velocity_nees = [], [], []
     for seed in range(RUNS):
@@ -417,7 +420,7 @@ def test_a_clock_that_goes_back_a_little_leaves_no_old_errors_behind(imu: bool, 
     assert quality.position_sigma_m < 0.03
 
 
-def test_a_bias_is_found_and_the_doubt_of_it_shrinks() -> None:
+def test_a_bias_is_found_and_its_uncertainty_shrinks() -> None:
     noise = Noise(0.001, None, 0.02, 0.0)
     gains = GAINS._replace(fix_sd_m=0.001, force_sd_mps2=0.02)
     flown = list(flight(1, noise, gains, ticks=2000))
@@ -425,7 +428,7 @@ def test_a_bias_is_found_and_the_doubt_of_it_shrinks() -> None:
     assert flown[-1].quality.bias_sigma_mps2 < 0.25 * gains.bias_sd_mps2
 
 
-def test_a_gap_is_flown_through_and_the_doubt_grows_with_the_error() -> None:
+def test_a_gap_is_flown_through_and_the_uncertainty_grows_with_the_error() -> None:
     """1.5 s without fixes: still known to centimetres, and no better than it says."""
     ratios, worst = [], 0.0
     for seed in range(GAPS):
@@ -467,7 +470,7 @@ def test_accelerations_that_fall_silent_are_done_without_and_come_back() -> None
 
 @pytest.mark.parametrize("imu", [True, False])
 def test_another_source_is_no_step(imu: bool) -> None:
-    """5 cm apart: position and velocity go on as they were, and slide over, in doubt until then."""
+    """5 cm apart: position and velocity go on as they were, and slide over, less certain."""
     state, fix, before = initial_motion(), NO_FIX, None
     for k in range(6000):
         shift = 0.05 if k >= 400 else 0.0
@@ -509,7 +512,7 @@ def test_of_a_new_source_s_difference_its_origin_has_what_the_filter_is_sure_of(
 
 
 @pytest.mark.parametrize("away", [1.2, 2.4, 9.0])
-def test_a_source_far_from_the_first_is_doubted_like_any_outlier(away: float) -> None:
+def test_a_source_far_from_the_first_is_refused_like_any_outlier(away: float) -> None:
     state, jumped = initial_motion(), []
     for k in range(0, 600, FIX_TICKS):
         fix = fix_at(k, (1.0 + (away if k >= 400 else 0.0), 2.0, 3.0), source=int(k >= 400))
@@ -534,7 +537,7 @@ def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken(wild_mps: flo
         assert state.fix.time_s == k * DT
 
 
-def test_a_source_that_doubts_itself_is_believed_less() -> None:
+def test_a_source_of_larger_sigma_weighs_less() -> None:
     sure, unsure = (
         motion_step(
             GAINS,

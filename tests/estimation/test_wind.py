@@ -121,7 +121,7 @@ class Glide:
         self.state = gliding_state(glide, air, 0.0, 0.0, 0.0)
         self.truth = air_data(self.state, air)
 
-    def felt(
+    def measured(
         self, seconds: float, *, imu: bool, pitot: bool, pitot_mps: float | None = None
     ) -> Iterator[tuple[WindState, AirEstimate]]:
         state = initial_wind()
@@ -161,7 +161,7 @@ def test_a_polar_that_ends_soon_is_enough_to_read_the_air_by() -> None:
 )
 def test_a_steady_glide_is_read_as_it_is(speed_mps: float, imu: bool, pitot: bool) -> None:
     glide = Glide(speed_mps, (8.5, 0.0, 1.4))
-    *_, (_, air) = glide.felt(8.0, imu=imu, pitot=pitot)
+    *_, (_, air) = glide.measured(8.0, imu=imu, pitot=pitot)
     # What is left is how far 8 s of noise-free samples have brought the first guess.
     assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.06)
     assert air.alpha_rad == pytest.approx(glide.truth.alpha_rad, abs=0.01)
@@ -176,7 +176,7 @@ def test_more_sensors_leave_less_unknown() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     ends = []
     for imu, pitot in ((True, True), (True, False), (False, False)):
-        *_, (_, air) = glide.felt(5.0, imu=imu, pitot=pitot)
+        *_, (_, air) = glide.measured(5.0, imu=imu, pitot=pitot)
         ends.append((air.wind_sigma_mps, air.updraft_sigma_mps))
     assert ends == sorted(ends)
     # With a pitot most of what is left is the pitch's error times the airspeed.
@@ -318,7 +318,7 @@ def test_the_wing_is_that_of_the_simulated_aircraft() -> None:
 
 def test_a_blocked_pitot_is_refused() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
-    *_, (state, air) = glide.felt(4.0, imu=True, pitot=True, pitot_mps=0.0)
+    *_, (state, air) = glide.measured(4.0, imu=True, pitot=True, pitot_mps=0.0)
     assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.1)
     assert not air.measured
     assert state.refused > 100
@@ -329,7 +329,7 @@ def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     worst = []
     for spiked in (False, True):
-        *_, (state, _) = glide.felt(4.0, imu=True, pitot=False)
+        *_, (state, _) = glide.measured(4.0, imu=True, pitot=False)
         updrafts = []
         for n in range(801, 1600):
             now = n * DT
@@ -364,7 +364,7 @@ def test_what_is_not_known_is_not_reported() -> None:
 
 def test_it_starts_afresh_after_a_gap_and_after_bad_numbers() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
-    *_, (state, air) = glide.felt(3.0, imu=True, pitot=True)
+    *_, (state, air) = glide.measured(3.0, imu=True, pitot=True)
     later, _ = wind_step(
         PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), SURE, 0.0, True
     )
@@ -395,7 +395,7 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=True)
 @example([-1e308] * 18, 3)
 def test_no_number_makes_it_raise_and_it_recovers(numbers: list[float], sensors: int) -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
-    *_, (state, _) = glide.felt(0.1, imu=True, pitot=True)
+    *_, (state, _) = glide.measured(0.1, imu=True, pitot=True)
     bad: Any = numbers
     force = ImuSample(99, 0.105, *bad[:6]) if sensors & 1 else NO_IMU
     speed = AirspeedSample(99, 0.105, bad[6]) if sensors & 2 else NO_AIRSPEED

@@ -90,7 +90,7 @@ def test_a_position_is_reckoned_where_the_estimator_has_lost_what_it_had(
     status: Any, before: int, now: int, reckoned: bool
 ) -> None:
     talk = session()
-    assert not place(talk, 1000)  # nothing said is no doubt
+    assert not place(talk, 1000)  # nothing said makes nothing uncertain
     hear(talk, status(before), 1.1)
     place(talk, 1200)
     hear(talk, status(now), 1.3)
@@ -99,7 +99,7 @@ def test_a_position_is_reckoned_where_the_estimator_has_lost_what_it_had(
     assert not place(talk, 1600)
 
 
-def test_a_doubt_holds_until_the_autopilot_restarts() -> None:
+def test_an_uncertainty_holds_until_the_autopilot_restarts() -> None:
     talk = session()
     hear(talk, ekf3(AIDED), 500.0)
     hear(talk, ekf3(HEIGHT | RELATIVE), 500.2)
@@ -126,7 +126,7 @@ def of_the_silence(talk: Session) -> list[str]:
     ("said", "words", "reckoned"),
     [(AIDED, "measured, which nobody knows now", False), (HEIGHT, "dead reckoned, which", True)],
 )
-def test_what_was_said_too_long_ago_is_reported_once_and_a_doubt_stays(
+def test_what_was_said_too_long_ago_is_reported_once_and_an_uncertainty_stays(
     said: int, words: str, reckoned: bool
 ) -> None:
     talk = session()

@@ -25,7 +25,7 @@ def test_a_gain_that_swings_is_known_to_the_module_and_on_the_ground(
     assert setup.lateral == lateral_dynamics(AIRFRAME)
     swings = VALUES.changed({name: factor * VALUES[name]})
     for bounds in (bounds_of(setup, setup.contour), bounds_from(AIRFRAME, SITE)):
-        assert bounds.ringing(VALUES) == bounds.doubt(VALUES) == ""
+        assert bounds.ringing(VALUES) == bounds.warning(VALUES) == ""
         assert bounds.ringing(swings).startswith(f"no margin {loop}")
 
 
@@ -36,7 +36,7 @@ def test_by_an_attitude_route_no_elevator_is_ours_to_judge() -> None:
     swings = VALUES.changed({"ELE_D": 5.0 * VALUES["ELE_D"], "AIL_P": 7.5 * VALUES["AIL_P"]})
     for bounds in (bounds_of(setup, setup.contour), bounds_from(airframe, SITE)):
         assert bounds.ringing(swings) == bounds.fault(swings) == ""
-        assert "the autopilot's own loops hold the attitude" in bounds.doubt(VALUES)
+        assert "the autopilot's own loops hold the attitude" in bounds.warning(VALUES)
 
 
 def test_what_is_not_judged_is_said_at_start() -> None:

@@ -406,7 +406,7 @@ def test_specific_force_is_acceleration_less_gravity() -> None:
     acceleration = [(end[i] - state[i]) / dt for i in (3, 4, 5)]
     acceleration[2] += MODEL.gravity_mps2
     # seen from the body: the same rotation that turns the velocity over the ground
-    felt = air_velocity_frd(
+    measured = air_velocity_frd(
         state._replace(
             velocity_x_mps=acceleration[0],
             velocity_y_mps=acceleration[1],
@@ -414,7 +414,7 @@ def test_specific_force_is_acceleration_less_gravity() -> None:
         ),
         STILL,
     )
-    assert specific_force_frd(MODEL, state, wind) == pytest.approx(felt, abs=1e-4)
+    assert specific_force_frd(MODEL, state, wind) == pytest.approx(measured, abs=1e-4)
 
 
 # --- the integrator --------------------------------------------------------------------------

@@ -63,9 +63,9 @@ def test_it_pulls_along_the_nose_and_turns_nothing() -> None:
     up = (after.velocity_z_mps - without.velocity_z_mps) / 1e-4
     assert up == pytest.approx(pull * sin(glide.pitch_rad), abs=1e-2)
     assert after.pitch_rate_frd_radps == pytest.approx(without.pitch_rate_frd_radps, abs=1e-6)
-    felt, gliding = (specific_force_frd(MODEL, s, STILL) for s in (driven, still))
-    assert felt[0] - gliding[0] == pytest.approx(pull)
-    assert felt[1:] == gliding[1:]
+    measured, gliding = (specific_force_frd(MODEL, s, STILL) for s in (driven, still))
+    assert measured[0] - gliding[0] == pytest.approx(pull)
+    assert measured[1:] == gliding[1:]
 
 
 def flown(name: str) -> Trajectory:

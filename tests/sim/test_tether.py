@@ -81,7 +81,7 @@ def test_a_taut_tether_keeps_an_aircraft_that_nobody_flies(kind: ModelKind) -> N
 def test_accelerometers_feel_the_pull(kind: ModelKind) -> None:
     """At the same state and wind, the force differs by the pull turned into the body."""
     flown = world(short(), kind)
-    felt = 0
+    taut_ticks = 0
     for _ in range(200):
         flown.step(SurfaceCommand(-1.0, 0.1, 0.0))
         if flown.crashed:
@@ -97,8 +97,8 @@ def test_accelerometers_feel_the_pull(kind: ModelKind) -> None:
         turned = pull_frd(flown.state, pull)
         along = sum(a * b for a, b in zip(extra, turned, strict=True))
         assert along > 0.999 * hypot(*extra) * hypot(*turned)
-        felt += 1
-    assert felt > 5
+        taut_ticks += 1
+    assert taut_ticks > 5
 
 
 def test_it_pulls_towards_its_point_by_what_it_is_stretched() -> None:

@@ -56,15 +56,15 @@ def test_it_stands_as_it_will_be_thrown_and_feels_its_weight() -> None:
 
 def test_it_leaves_the_hand_with_its_speed_along_its_nose() -> None:
     thrown = world(4.0)
-    felt = []
+    measured = []
     while not thrown.is_free:
         thrown.step(COMMAND)
-        felt.append(thrown.imu.force_x_frd_mps2)
+        measured.append(thrown.imu.force_x_frd_mps2)
     state = thrown.state
     assert thrown.time_s == pytest.approx(0.5 + PUSH_S, abs=0.011)
     assert hypot(state.velocity_x_mps, state.velocity_y_mps) == pytest.approx(3.94, abs=0.15)
     assert state.velocity_y_mps < 0.0 > state.velocity_x_mps  # to the left, upwind
-    assert max(felt) == pytest.approx(9.80665 * sin(radians(10.0)) + 4.0 / PUSH_S, abs=1e-6)
+    assert max(measured) == pytest.approx(9.80665 * sin(radians(10.0)) + 4.0 / PUSH_S, abs=1e-6)
     way = hypot(state.x_m - thrown.start.x_m, state.y_m, state.z_m - thrown.start.z_m)
     assert way == pytest.approx(0.5 * 4.0 * PUSH_S, abs=0.05)
 

@@ -38,7 +38,7 @@ NOISES: Final = 5  # white: fix's place, fix's velocity, attitude, gyro, specifi
 _LAWS: Final = 4  # integral and rate of both
 
 
-class _Seen(NamedTuple):
+class _PlaceEstimate(NamedTuple):
     """What the laws go by, and what is remembered for it."""
 
     e_rho_m: float
@@ -83,15 +83,15 @@ class _Controller(NamedTuple):
         size, late = self.size, self.late
         truth, injected = vector[size : size + TRUTH], vector[size + TRUTH]
         noises = vector[size + TRUTH + 1 :]
-        seen_line = [vector[TRUTH * i : TRUTH * (i + 1)] for i in range(late)]
+        delay_line = [vector[TRUTH * i : TRUTH * (i + 1)] for i in range(late)]
         sample = truth + np.array([0.0, 0.0, noises[2], noises[3]])
-        seen = seen_line[-1] if late else sample
-        after_line = [sample, *seen_line[:-1]] if late else []
+        delayed = delay_line[-1] if late else sample
+        after_line = [sample, *delay_line[:-1]] if late else []
         # What is late is carried on by its rate, as the estimator does.
-        pitch_rad, rate_radps = seen[2] + late * self.dt_s * seen[3], seen[3]
+        pitch_rad, rate_radps = delayed[2] + late * self.dt_s * delayed[3], delayed[3]
         remembered = vector[late * TRUTH : size - _LAWS]
-        place = (self._felt if self.inertial else self._fixed)(
-            phase, remembered, seen, truth, noises
+        place = (self._with_accelerations if self.inertial else self._fixed)(
+            phase, remembered, delayed, truth, noises
         )
         outer, outer_rate, inner, inner_rate = vector[size - _LAWS : size]
         soared, outer_terms = soaring_step(
@@ -123,23 +123,23 @@ class _Controller(NamedTuple):
             ]
         )
 
-    def _felt(
-        self, phase: int, estimate: Matrix, seen: Matrix, _truth: Matrix, noises: Matrix
-    ) -> _Seen:
+    def _with_accelerations(
+        self, phase: int, estimate: Matrix, delayed: Matrix, _truth: Matrix, noises: Matrix
+    ) -> _PlaceEstimate:
         """With accelerations; the state is truth less estimate, driven by noise alone."""
         dt = self.dt_s
-        e, rate = seen[0] + self.late * dt * seen[1], seen[1]
+        e, rate = delayed[0] + self.late * dt * delayed[1], delayed[1]
         if self.errors:
             estimate = self.carry @ estimate + np.array([0.5 * dt * dt, dt, 0.0]) * noises[4]
             if phase == 0:
                 noise = np.array([noises[0], self.gives_velocity * noises[1]])
                 estimate = estimate - self.take @ (noise + estimate[:2])
             e, rate = e - estimate[0], rate - estimate[1]
-        return _Seen(e, rate, [], estimate)
+        return _PlaceEstimate(e, rate, [], estimate)
 
     def _fixed(
-        self, phase: int, remembered: Matrix, _seen: Matrix, truth: Matrix, noises: Matrix
-    ) -> _Seen:
+        self, phase: int, remembered: Matrix, _delayed: Matrix, truth: Matrix, noises: Matrix
+    ) -> _PlaceEstimate:
         """By fixes alone, between which it goes on as it was."""
         line, dt = self.fix_line, self.dt_s
         fixes = [remembered[2 * i : 2 * i + 2] for i in range(line)]
@@ -152,7 +152,7 @@ class _Controller(NamedTuple):
             estimate = predicted + self.take @ (arrived - predicted)
         age = (line + since) * dt
         after = [fix, *fixes[:-1]] if line else []
-        return _Seen(estimate[0] + age * estimate[1], estimate[1], after, estimate)
+        return _PlaceEstimate(estimate[0] + age * estimate[1], estimate[1], after, estimate)
 
 
 def linear_controller(laws: Laws, condition: Condition, errors: bool = False) -> Periodic:

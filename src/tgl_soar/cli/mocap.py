@@ -146,7 +146,7 @@ def _table(rows: list[BodyRow]) -> Table:
             tracked,
             "–" if isnan(row.rate_hz) else f"{row.rate_hz:.0f} Hz",
             "–" if isnan(row.age_s) else f"{1e3 * row.age_s:.0f} ms",
-            "now" if row.seen_s < 0.5 else f"{row.seen_s:.1f} s ago",
+            "now" if row.silent_s < 0.5 else f"{row.silent_s:.1f} s ago",
             f"{pose.x_m:.3f}, {pose.y_m:.3f}, {pose.z_m:.3f} m",
         )
     return table

@@ -94,7 +94,7 @@ def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> bool:
     """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
     bounds = bounds_from(plane, place)
     faults = bounds.preset_faults(values, preset_lines(place, values))
-    for words in (open_sides(values), bounds.doubt(values), *faults):
+    for words in (open_sides(values), bounds.warning(values), *faults):
         if words:
             console.print(words, style="yellow", highlight=False, markup=False, soft_wrap=True)
     fault = bounds.fault(values)

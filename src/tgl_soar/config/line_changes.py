@@ -99,16 +99,16 @@ class LineChanges:
         fault: Callable[[ParameterSet], str] = _never,
         contour: Contour = (),
         ringing: Callable[[ParameterSet], str] = _never,
-        doubt: Callable[[ParameterSet], str] = _never,
+        warning: Callable[[ParameterSet], str] = _never,
     ) -> None:
         """`fault`: why no aircraft can be held by a line; "" if it can (`line_bounds`).  `contour`:
-        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise; `doubt`: what is
-        to be said of margins that refuse nothing."""
+        the site's, for TGL_PLACE.  `ringing`: why its loop would swing, likewise; `warning`: what
+        is to be said of margins that refuse nothing."""
         self.staged: dict[str, float] = {}
         self._was_left = False  # what was staged was dropped, and nobody has set TGL_STAGE since
         self.fault = fault
         self.ringing = ringing
-        self.doubt = doubt
+        self.warning = warning
         self._presets = presets
         self._contour = contour
 
@@ -190,8 +190,8 @@ class LineChanges:
             raise ParameterError(name, f"{after[name]:g}", f"{fault}; {OVERRIDE}")
         changed = [p.name for (p, old), (_, new) in zip(before, after, strict=True) if old != new]
         reported = (name, *(other for other in changed if other != name))
-        doubt = self.doubt(after) if other.intersection(LOOP) else ""
-        return Answer(after, reported, warning=fault or doubt)
+        warning = self.warning(after) if other.intersection(LOOP) else ""
+        return Answer(after, reported, warning=fault or warning)
 
     def _is_refused(
         self,

@@ -220,7 +220,7 @@ class ParameterStore:
         self._others: list[Path] = []  # another vehicle's, where ours would lie
         self._good: bytes | None = None  # what FILE holds, if it is good
         self._kept: dict[str, float] | None = {}  # what it says; None: it has to be written
-        self._seen: ParameterSet | None = None
+        self._observed: ParameterSet | None = None
         self._pending = False
         self._failing = False
         self._due_s = float("-inf")
@@ -349,8 +349,8 @@ class ParameterStore:
     def poll(self, values: ParameterSet, now_s: float) -> list[str]:
         """Have the values written if they have changed; what is to be reported to the operator."""
         said = self._outcome(now_s)
-        if values is not self._seen:
-            self._seen = values
+        if values is not self._observed:
+            self._observed = values
             self._pending = to_keep(values, self._base) != self._kept
         late = now_s < self._handed_s  # the clock was changed
         if self._pending and self._handed is None and (now_s >= self._due_s or late):
@@ -403,8 +403,8 @@ class ParameterStore:
             return [] if failed_before else [f"parameters are not kept: {error}; flying on"]
         self.writes += 1
         self._kept = handed
-        if self._seen is not None:  # taken back while the disk wrote: the old ones count again
-            self._pending = to_keep(self._seen, self._base) != handed
+        if self._observed is not None:  # taken back while the disk wrote: the old ones count again
+            self._pending = to_keep(self._observed, self._base) != handed
         return ["parameters are kept again"] if failed_before else []
 
     # --- in the thread ------------------------------------------------------------------------

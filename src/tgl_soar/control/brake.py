@@ -155,7 +155,7 @@ class Around(NamedTuple):
     room: float  # the furthest that it may go, 0 … 1
     brake: float  # as it was commanded last
     aileron: float  # the same
-    felt: bool  # the motion is estimated with accelerations
+    inertial: bool  # the motion is estimated with accelerations
     up_free: bool  # the point may go further up along the line
     down_free: bool
 
@@ -247,7 +247,7 @@ def brake_step(
         # Not where roll takes of its travel: there it follows the aileron.  And the roll loop does
         # not follow a shake as it follows the law.
         even = even_step(even, around.brake - shake.shaken, around.aileron, dt_s)
-    if weight == 1.0 and around.felt and abs(aerodynamics.CL_brake) >= LIFT_MIN:
+    if weight == 1.0 and around.inertial and abs(aerodynamics.CL_brake) >= LIFT_MIN:
         lifts = _lift(aerodynamics, airspeed_mps)
         if shake.on and abs(ended) > INSIDE:  # so far in that it can go both ways
             asked = max(SHAKEN, min(1.0 - SHAKEN, asked))

@@ -66,7 +66,7 @@ from tgl_soar.control.supervisor import (
     SEARCHING,
     SETTLES,
     SOARING,
-    STREAMS_SEEN,
+    STREAMS_ARRIVED,
     SURFACES_ANSWER,
     SURFACES_OBEY,
     UPRIGHT,
@@ -115,7 +115,7 @@ def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQual
 
 
 def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
-    """Health as the estimator's doubt has it, and the autopilot's own of what it reckons."""
+    """Health as the estimator's uncertainty has it, and the autopilot's own of what it reckons."""
     sure = is_place_known(guards, health, quality)
     sure = sure and (quality.reckoned_s == 0.0 or quality.reckoned_s <= guards.reckoned_max_s)
     return health if sure == health.position_ok else health._replace(position_ok=sure)
@@ -133,7 +133,7 @@ def stream_conditions(
         found |= ENGAGE
     age = health.position_age_s
     if age < INFINITE and health.attitude_age_s < INFINITE and health.heartbeat_age_s < INFINITE:
-        found |= STREAMS_SEEN
+        found |= STREAMS_ARRIVED
     if health.position_ok:
         found |= POSITION_FRESH
     # Fixes that leave the position uncertain, or come too seldom, do not keep it.

@@ -26,7 +26,7 @@ it back (N_p): to the slow side of the roll mode, 1 / L_p, damping of
     N_p L_r / L_p  beside  N_r                      a fifth to a third of it on the shipped aircraft
 
 and with the slip's part more.  It counts where a slow servo on a late link has taken the rudder's;
-a rule without it refuses one in fifty of such aircraft wrongly, and doubts one in three.
+a rule without it refuses one in fifty of such aircraft wrongly, and warns of one in three.
 
 From one frequency to the next 1 / (S - 1/2) is taken to go straight, as it does beside a root near
 the axis, where it is as s less the root: a resonance between two frequencies is not missed.

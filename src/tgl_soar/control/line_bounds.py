@@ -34,7 +34,7 @@ from tgl_soar.control.envelope import (
     outside,
 )
 from tgl_soar.control.laws import fence_of
-from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_doubt, margin_fault
+from tgl_soar.control.loop_margin import FLOOR, RINGS, margin_fault, margin_warning
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.types import NO_GROUND, OURS, Ground
 
@@ -91,11 +91,11 @@ class LineBounds:
         """Why the loop of these values would swing; "" if it has some margin."""
         return self._margin_fault(values, RINGS)
 
-    def doubt(self, values: ParameterSet) -> str:
+    def warning(self, values: ParameterSet) -> str:
         """What is to be said of margins that refuse nothing; "" where all is well."""
         if not self._ours:
             return "no margin is judged: the autopilot's own loops hold the attitude"
-        return margin_doubt(values, self._lateral)
+        return margin_warning(values, self._lateral)
 
     def preset_faults(self, values: ParameterSet, presets: Presets) -> list[str]:
         """What is wrong with the site's own lines, each with its name."""

@@ -100,7 +100,7 @@ def margin_fault(
 
     Roll and heading are known within 0.1 (`control.lateral_margin`).  A line that leans otherwise
     would not help them, so that they are refused where they would swing, below RINGS, and what is
-    between is a doubt.
+    between is warned of.
     """
     for found in line_margins(values):
         if found.alpha < floor:
@@ -112,7 +112,7 @@ def margin_fault(
     return ""
 
 
-def margin_doubt(values: ParameterSet, lateral: LateralDynamics = UNKNOWN) -> str:
+def margin_warning(values: ParameterSet, lateral: LateralDynamics = UNKNOWN) -> str:
     """What is to be said of margins that refuse nothing: that nobody knows them, or that roll or
     heading has little; "" where all is well."""
     if words := _unjudged(values):

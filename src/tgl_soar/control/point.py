@@ -27,15 +27,15 @@ def point_step(
     eta_rad: float,
     vehicle: VehicleState,
     gain_speed_mps: float,
-    felt: bool,
+    inertial: bool,
     faults: int,
     dt_s: float,
 ) -> tuple[BrakeState, BrakeEffect]:
     """What the brake is to do, and what it changes as it was commanded last.
 
     limited: the last command; eta_rad: the line's inclination as it is flown; gain_speed_mps: the
-    airspeed that gains are for; felt: the motion is estimated with accelerations; faults: of the
-    streams, as `estimation.health` names them.
+    airspeed that gains are for; inertial: the motion is estimated with accelerations; faults: of
+    the streams, as `estimation.health` names them.
     """
     airspeed_mps = speed_within(laws.schedule, gain_speed_mps)
     held = brake_step(
@@ -53,7 +53,7 @@ def point_step(
             room=limited.brake_max,
             brake=limited.command.brake,
             aileron=limited.command.aileron,
-            felt=felt,
+            inertial=inertial,
             up_free=_is_free(laws, state, eta_rad, KEPT_INSIDE_M),
             down_free=_is_free(laws, state, eta_rad, -KEPT_INSIDE_M),
         ),

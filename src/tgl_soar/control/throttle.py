@@ -19,8 +19,8 @@ pitch that holds it is known beforehand and passed on, as the brake's is.
 **Called** by what ends flights: no place to settle is foreseen and it sinks; the height for the way
 home is gone, or will be within AHEAD_S, on that way or where the aircraft does not soar (who soars
 needs none for it yet); or, for LOW_S, it sinks so that the least clearance is reached within
-AHEAD_S.  It is closed HOLD_S after the last of them, fading, so that gusts do not switch it; in
-doubt (the place unknown, a mode that flies no line, tilted) it is closed at once.
+AHEAD_S.  It is closed HOLD_S after the last of them, fading, so that gusts do not switch it; where
+it is uncertain (the place unknown, a mode that flies no line, tilted) it is closed at once.
 
 **Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where
 the autopilot is disarmed, not with every engagement.  It is counted tick by tick: an autopilot that
@@ -93,7 +93,7 @@ class ThrottleState(NamedTuple):
 class ThrottleView(NamedTuple):
     """What the law is given in a tick."""
 
-    allowed: bool  # a mode that may use it, and nothing in doubt
+    allowed: bool  # a mode that may use it, and nothing uncertain
     nowhere: bool  # no place to settle is foreseen, and it sinks
     home_m: float  # height left for the way home; NaN: not known, or not asked for
     home_s: float  # until it is gone; inf: it is not; NaN: not known

@@ -86,13 +86,13 @@ class ClockMap:
 
     def observe(self, stamp_s: float, arrival_s: float) -> float:
         """Take in one sample; its time on our clock, never later than its arrival."""
-        seen_s = arrival_s - stamp_s
+        observed_s = arrival_s - stamp_s
         if not arrival_s - self._since_s < 0.5 * WINDOW_S:  # NaN: the first sample
             first = self._since_s != self._since_s
-            self._whole_s = seen_s if first else self._filling_s
-            self._filling_s, self._since_s = seen_s, arrival_s
-        elif seen_s < self._filling_s:
-            self._filling_s = seen_s
+            self._whole_s = observed_s if first else self._filling_s
+            self._filling_s, self._since_s = observed_s, arrival_s
+        elif observed_s < self._filling_s:
+            self._filling_s = observed_s
         self.offset_s = min(self._whole_s, self._filling_s)
         return stamp_s + self.offset_s
 
@@ -107,21 +107,21 @@ class Suspect:
         self.row = 0  # of these since the last one that fits
         self.offset_s = self.stamp_s = self.since_s = self._received_s = NAN
 
-    def continues(self, stamp_s: float, seen_s: float, now_s: float) -> bool:
+    def continues(self, stamp_s: float, observed_s: float, now_s: float) -> bool:
         """Whether a frame continues those before."""
         return (
             stamp_s > self.stamp_s  # NaN: there are none
-            and abs(seen_s - self.offset_s) <= SAME_S
+            and abs(observed_s - self.offset_s) <= SAME_S
             and now_s - self._received_s <= GAP_S
         )
 
-    def take(self, stamp_s: float, seen_s: float, now_s: float) -> None:
+    def take(self, stamp_s: float, observed_s: float, now_s: float) -> None:
         """One more; what does not continue starts a new count."""
-        if not self.continues(stamp_s, seen_s, now_s):
+        if not self.continues(stamp_s, observed_s, now_s):
             self.count, self.row, self.since_s = 0, 0, now_s
         self.count += 1
         self.row += 1
-        self.offset_s, self.stamp_s, self._received_s = seen_s, stamp_s, now_s
+        self.offset_s, self.stamp_s, self._received_s = observed_s, stamp_s, now_s
 
 
 class Lateness:

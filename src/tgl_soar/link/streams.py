@@ -55,7 +55,7 @@ class RequestedStream:
     measured_hz: float = 0.0
     given_up: bool = False
     reported: bool = False
-    doubted: bool = False  # it was refused once, or the one before it
+    refused_once: bool = False  # it was refused once, or the one before it
 
 
 class StreamRequests:
@@ -113,8 +113,8 @@ class StreamRequests:
             return
         if result == RESULT_TEMPORARILY_REJECTED:
             return  # asked again when the measurement ends
-        if now_s - self._unanswered_s <= ACK_LATE_S and not stream.doubted:
-            stream.doubted = True
+        if now_s - self._unanswered_s <= ACK_LATE_S and not stream.refused_once:
+            stream.refused_once = True
             return  # likewise
         refused_hz = stream.rate_hz
         lower = next((rate for rate in LOWER_RATES_HZ if rate < stream.rate_hz), None)

@@ -280,7 +280,7 @@ def _words_of_place(setup: ModuleSetup) -> list[tuple[int, str]]:
     values, bounds = setup.parameters, bounds_of(setup, setup.contour)
     words = [
         open_sides(values),
-        bounds.doubt(values),
+        bounds.warning(values),
         *bounds.preset_faults(values, setup.presets),
     ]
     return [(SEVERITY_WARNING, text) for text in words if text]

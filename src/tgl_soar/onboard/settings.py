@@ -36,7 +36,9 @@ class FlightSettings:
         counters: Counters,
     ) -> None:
         bounds = bounds_of(setup, setup.contour)
-        line = LineChanges(setup.presets, bounds.fault, setup.contour, bounds.ringing, bounds.doubt)
+        line = LineChanges(
+            setup.presets, bounds.fault, setup.contour, bounds.ringing, bounds.warning
+        )
         self.server = ParameterServer(setup.own, setup.parameters, outbox.texts, line)
         self.values = self.server.values
         self.laws = laws_of(setup, self.values)

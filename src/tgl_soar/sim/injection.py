@@ -139,7 +139,7 @@ class Measured(Generic[Sample]):
         self._random = Random(f"{seed}/{of} lies")
         self._fault_channel: FaultChannel[Sample] = FaultChannel(faults, f"{seed}/{of} faults")
         self._frozen: Sample | None = None
-        self._seen = 0
+        self._last_sequence = 0
         self._arrived = 0
         self._newest: Sample | None = None
 
@@ -147,8 +147,8 @@ class Measured(Generic[Sample]):
         """The newest sample that has arrived; its sequence number counts arrivals."""
         if self._newest is None:
             self._newest = sample._replace(sequence=0)
-        if sample.sequence != self._seen:
-            self._seen = sample.sequence
+        if sample.sequence != self._last_sequence:
+            self._last_sequence = sample.sequence
             self._fault_channel.send(now_s, self._reported(now_s, sample))
             if any(fault.acts(now_s) for fault in self._second):
                 self._fault_channel.send(now_s, of_duplicate(sample))

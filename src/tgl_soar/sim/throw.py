@@ -56,8 +56,8 @@ class ThrownWorld(World):
             return now
         imu = now.samples.imu
         push = self.throw.speed_mps / PUSH_S if self.throw.speed_mps > 0.0 else 0.0
-        felt = imu._replace(force_x_frd_mps2=imu.force_x_frd_mps2 + push)
-        return now._replace(samples=now.samples._replace(imu=felt))
+        measured = imu._replace(force_x_frd_mps2=imu.force_x_frd_mps2 + push)
+        return now._replace(samples=now.samples._replace(imu=measured))
 
     def _in_hand(self, time_s: float) -> AircraftState:
         throw = self.throw

@@ -246,8 +246,8 @@ def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:
     assert after(1.0, over_ground_m=1.75, climb_mps=-1.0).status == LOOKING
     assert after(1.0, over_ground_m=1.65, climb_mps=-1.0).status == GIVEN_UP
     # Where fewer fields soar the dive is not waited for.
-    doubtful = GOOD._replace(chance=0.7)
-    assert after(0.4, doubtful, over_ground_m=1.85, climb_mps=-1.0).status == GIVEN_UP
+    unlikely = GOOD._replace(chance=0.7)
+    assert after(0.4, unlikely, over_ground_m=1.85, climb_mps=-1.0).status == GIVEN_UP
 
 
 def test_height_runs_out_between_two_plans_as_well() -> None:

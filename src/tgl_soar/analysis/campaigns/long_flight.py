@@ -138,15 +138,15 @@ def fly_long(
         sender.seq = (sender.seq + 1) % 256
         onboard.event(bytes(frame), world.time_s)
 
-    seen_position = seen_attitude = 0
+    last_position = last_attitude = 0
     engaged = False
     for step in range(1, steps + 1):
         world.step(wire.command or trim)
         now_s = begun_s + world.time_s
         if step % world.step_hz == 1:
             hear(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), wire.vehicle)
-        if world.position.sequence != seen_position:
-            seen_position = world.position.sequence
+        if world.position.sequence != last_position:
+            last_position = world.position.sequence
             fix = world.position
             hear(
                 mavlink.MAVLink_local_position_ned_message(_ms(begun_s + fix.time_s), *fix[2:8]),
@@ -155,8 +155,8 @@ def fly_long(
         if not engaged and world.time_s >= ENGAGED_S:
             engaged = True
             hear(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9), wire.station)
-        if world.attitude.sequence != seen_attitude:
-            seen_attitude = world.attitude.sequence
+        if world.attitude.sequence != last_attitude:
+            last_attitude = world.attitude.sequence
             sample = world.attitude
             flight.expected_ticks += 1
             hear(

@@ -120,9 +120,9 @@ class ServerClock:
             low_s <= self._high_s + EARLY_S
         )
 
-    def _is_reset(self, seen_s: float, arrival_s: float) -> bool:
-        if not (self._odd and abs(seen_s - self._odd_s) <= RESET_APART_S):
-            self._odd, self._odd_s, self._odd_from_s = 1, seen_s, arrival_s
+    def _is_reset(self, observed_s: float, arrival_s: float) -> bool:
+        if not (self._odd and abs(observed_s - self._odd_s) <= RESET_APART_S):
+            self._odd, self._odd_s, self._odd_from_s = 1, observed_s, arrival_s
             return False
         self._odd += 1
         return self._odd >= RESET_STAMPS and arrival_s - self._odd_from_s >= RESET_S

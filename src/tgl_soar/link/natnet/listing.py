@@ -20,7 +20,7 @@ class BodyRow(NamedTuple):
     tracked_share: float  # of the frames that had it
     rate_hz: float  # of the frames that had it; NaN: one only
     age_s: float  # of its last pose when that came, from its exposure; NaN: not known
-    seen_s: float  # since it was in a frame last
+    silent_s: float  # since it was in a frame last
     pose: RigidBody  # the last one
 
 
@@ -64,7 +64,7 @@ class BodyListing:
                     tracked_share=body_record.tracked / body_record.frames,
                     rate_hz=(body_record.frames - 1) / over_s if over_s > 0.0 else NAN,
                     age_s=body_record.age_s,
-                    seen_s=now_s - body_record.last_s,
+                    silent_s=now_s - body_record.last_s,
                     pose=body_record.pose,
                 )
             )

@@ -14,14 +14,14 @@ that the wind alone aids.  PX4 sets that flag for an aircraft at rest too, where
 
 It is said late: EKF3 waits for 7 s without fixes, with velocities for 10 s.
 
-Nothing said is no doubt: some estimators send no report at all, ArduPilot's DCM among them; an
+Without a word all is certain: some estimators send no report at all, ArduPilot's DCM among them; an
 older one sends a report without any flag, which is level 0, and nobody engages with it.  What was
 said holds until the next word, for STATUS_AGE_MAX_S, or until the autopilot restarts.  After that
 
     measured   is not known any more, which is reported: nobody would notice satellites go
     reckoned   holds on: nobody said that it is measured again
 
-A silence alone is no doubt either: what silences one message of an estimator that goes on is a
+Nor is a silence alone uncertain: what silences one message of an estimator that goes on is a
 station that sets rates of its own, or a line that is full, and neither has a part in satellites.
 To give up the line for it would cost more flights than it could save: of those to which dead
 reckoning is reported without leave to break off nearly all end in the pilot's hands, of the others

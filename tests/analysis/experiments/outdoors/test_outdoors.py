@@ -55,7 +55,7 @@ def test_a_launch_that_is_given_up_must_land_to_count(landed: FlownPassage) -> N
     good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5, left_m=1.0)
     for across_m, held in ((0.0, True), (6.4, False)):
         given_up = replace(good, kind=outdoors.LAUNCH, across_m=across_m)
-        others = {kind: [good] for kind in (outdoors.LAND, outdoors.FELT, outdoors.LULLED)}
+        others = {kind: [good] for kind in (outdoors.LAND, outdoors.WITH_IMU, outdoors.LULLED)}
         claims = outdoors._claims({outdoors.LAUNCH: [given_up]} | others)
         assert [claim.undecided for claim in claims] == [held, True, True]  # of one flight each
         assert not any(claim.holds for claim in claims)

@@ -5,7 +5,7 @@ every lateral coefficient, the servo; each has the gains that its own file gives
 is the least of its loops (`loop_margin.lateral_margins`), the linear model's the least of the same
 loops, at the aileron and at the rudder.
 
-    own        with these gains: who is refused or doubted, though there is a margin?
+    own        with these gains: who is refused or warned of, though there is a margin?
     changed    with one of the gains up to ten times as large, or as small: who is accepted, though
                there is none?
 
@@ -46,7 +46,7 @@ WITHIN: Final = (0.7, 1.3)  # factors: what is known of such coefficients (confi
 SERVO_S: Final = (0.015, 0.080)
 GAINS: Final = ("AIL_P", "AIL_I", "AIL_D", "RUD_P", "RUD_D", "SIDE_P", "SIDE_I")
 # What the elevator's rule is held to (tests/control/test_loop_margin.py): a tenth of the margin's
-# scale from 0 to 1, and less than half of what stands between a refusal and a doubt.
+# scale from 0 to 1, and less than half of what stands between a refusal and a warning.
 AGREES: Final = 0.1
 
 
@@ -127,15 +127,15 @@ class RuleCount(NamedTuple):
     refused_wrongly: int
     accepted_wrongly: int
     little: int  # below FLOOR by the linear model
-    doubted_wrongly: int
-    undoubted_wrongly: int
+    warned_wrongly: int
+    unwarned_wrongly: int
     below: float  # by how much the rule is below the linear model at most, where that counts
     above: float
 
 
 def counted(found: Sequence[RuleFound]) -> RuleCount:
     """What the rule says, and what the linear model."""
-    # Beyond what is refused or doubted nobody asks how large alpha is.
+    # Beyond what is refused or warned of nobody asks how large alpha is.
     asked = [each for each in found if min(each.rule, each.model) < FLOOR] or [RuleFound(0.0, 0.0)]
     return RuleCount(
         aircraft=len(found),
@@ -143,8 +143,8 @@ def counted(found: Sequence[RuleFound]) -> RuleCount:
         refused_wrongly=sum(each.rule < RINGS <= each.model for each in found),
         accepted_wrongly=sum(each.model < RINGS <= each.rule for each in found),
         little=sum(each.model < FLOOR for each in found),
-        doubted_wrongly=sum(each.rule < FLOOR <= each.model for each in found),
-        undoubted_wrongly=sum(each.model < FLOOR <= each.rule for each in found),
+        warned_wrongly=sum(each.rule < FLOOR <= each.model for each in found),
+        unwarned_wrongly=sum(each.model < FLOOR <= each.rule for each in found),
         below=max(0.0, *(each.model - each.rule for each in asked)),
         above=max(0.0, *(each.rule - each.model for each in asked)),
     )
@@ -161,7 +161,7 @@ def rule_jobs(seed: int, of_each: int) -> list[RuleJob]:
 
 
 def rule_claims(jobs: Sequence[RuleJob], found: Sequence[RuleFound]) -> list[Claim]:
-    """That nobody is refused or doubted without need, nor accepted who swings."""
+    """That nobody is refused or warned of without need, nor accepted who swings."""
     own, changed = (
         [each for job, each in zip(jobs, found, strict=True) if job.changed == which]
         for which in (False, True)
@@ -169,10 +169,10 @@ def rule_claims(jobs: Sequence[RuleJob], found: Sequence[RuleFound]) -> list[Cla
     with_own, with_changed, of_all = counted(own), counted(changed), counted(found)
     return [
         Claim(
-            "no drawn aircraft is refused or doubted in roll or heading with the gains of its own"
+            "no drawn aircraft is refused or warned of in roll or heading with the gains of its own"
             " file, where the linear model has 0.5",
-            with_own.refused_wrongly + with_own.doubted_wrongly == 0,
-            f"refused {with_own.refused_wrongly}, doubted {with_own.doubted_wrongly} of"
+            with_own.refused_wrongly + with_own.warned_wrongly == 0,
+            f"refused {with_own.refused_wrongly}, warned of {with_own.warned_wrongly} of"
             f" {with_own.aircraft}",
         ),
         Claim(
@@ -213,8 +213,8 @@ def rule_table(jobs: Sequence[RuleJob], found: Sequence[RuleFound]) -> Table:
             "refused wrongly",
             "accepted wrongly",
             f"α below {FLOOR:g}",
-            "doubted wrongly",
-            "not doubted wrongly",
+            "warned of wrongly",
+            "not warned of wrongly",
         ),
         tuple(rows),
     )

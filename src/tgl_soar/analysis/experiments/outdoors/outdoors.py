@@ -92,8 +92,8 @@ CHANGED: Final = (
 TRACE_S: Final = 0.1  # between two points of a drawn path
 
 
-LAUNCH, LAND, FELT, LULLED = "launch", "landing", "landing with accelerometers", "lull"
-KINDS: Final = (LAUNCH, LAND, FELT, LULLED)
+LAUNCH, LAND, WITH_IMU, LULLED = "launch", "landing", "landing with accelerometers", "lull"
+KINDS: Final = (LAUNCH, LAND, WITH_IMU, LULLED)
 
 
 class PassageJob(NamedTuple):
@@ -181,7 +181,7 @@ def launch(job: PassageJob) -> FlownPassage:
     )
     values = hill.values.changed({"LNC_START": 1.0})
     flown = fly(ThrownWorld(world, throw), values, (), LAUNCH_S)
-    return _seen(job, hill, intensity, throw, world.ground, flown)
+    return _outcome(job, hill, intensity, throw, world.ground, flown)
 
 
 def land(job: PassageJob) -> FlownPassage:
@@ -204,17 +204,17 @@ def land(job: PassageJob) -> FlownPassage:
         already=ALREADY,
         turbulence=intensity,
         field=field,
-        sensors=Sensors(imu=MEMS_IMU) if job.kind == FELT else USUAL_SENSORS,
+        sensors=Sensors(imu=MEMS_IMU) if job.kind == WITH_IMU else USUAL_SENSORS,
     )
     ground = world.ground
     if available():
         flown = fly_compiled(prepare(world, LANDING_S), job.seed, values, changes)
     else:
         flown = fly(world, values, changes, LANDING_S)
-    return _seen(job, hill, intensity, None, ground, flown)
+    return _outcome(job, hill, intensity, None, ground, flown)
 
 
-def _seen(
+def _outcome(
     job: PassageJob,
     hill: ShippedHill,
     intensity: float,
@@ -263,7 +263,7 @@ def run(context: Context) -> Result:
     count = QUICK if context.quick else context.episodes or FLIGHTS
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     lulls = seeds[: max(1, count // LULLS)]
-    jobs = [PassageJob(kind, seed) for kind in (LAUNCH, LAND, FELT) for seed in seeds]
+    jobs = [PassageJob(kind, seed) for kind in (LAUNCH, LAND, WITH_IMU) for seed in seeds]
     jobs += [PassageJob(LULLED, seed) for seed in lulls]
     flown = context.each(fly_passage, jobs)
     by_kind = {kind: [each for each in flown if each.kind == kind] for kind in KINDS}
@@ -299,7 +299,7 @@ def _claims(by_kind: dict[str, list[FlownPassage]]) -> tuple[Claim, ...]:
     launches = by_kind[LAUNCH]
     good = [each for each in launches if each.soars or each.landed]
     promised = [
-        each for kind in (LAND, FELT, LULLED) for each in by_kind[kind] if each.left_m >= 0.0
+        each for kind in (LAND, WITH_IMU, LULLED) for each in by_kind[kind] if each.left_m >= 0.0
     ]
     landed = [each for each in promised if each.landed]
     lulls = by_kind[LULLED]
@@ -372,8 +372,8 @@ def _landings(by_kind: dict[str, list[FlownPassage]]) -> Table:
     for name, some in (
         ("by command, height left", [e for e in by_kind[LAND] if e.left_m >= 0.0]),
         ("by command, less than promised", [e for e in by_kind[LAND] if e.left_m < 0.0]),
-        ("with accelerometers, height left", [e for e in by_kind[FELT] if e.left_m >= 0.0]),
-        ("with accelerometers, less", [e for e in by_kind[FELT] if e.left_m < 0.0]),
+        ("with accelerometers, height left", [e for e in by_kind[WITH_IMU] if e.left_m >= 0.0]),
+        ("with accelerometers, less", [e for e in by_kind[WITH_IMU] if e.left_m < 0.0]),
         ("by itself in a lull", [e for e in by_kind[LULLED] if e.broke_off]),
         ("launches given up", [e for e in by_kind[LAUNCH] if e.broke_off]),
     ):

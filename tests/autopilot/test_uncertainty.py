@@ -1,4 +1,4 @@
-"""What a tick makes of the estimator's doubt: which positions are flown with, what is felt.
+"""A tick and the estimator's uncertainty: which positions it flies with, what is measured.
 
 An aircraft held still and level tells all of it: where it is and what its accelerometers read
 is known, and nothing has to be flown.
@@ -107,17 +107,17 @@ def after(count: int) -> AutopilotState:
 
 
 @pytest.mark.parametrize(("share", "ok"), [(0.99, True), (1.01, False)])
-def test_a_young_fix_of_too_much_doubt_is_no_position(share: float, ok: bool) -> None:
+def test_a_young_fix_of_too_much_uncertainty_is_no_position(share: float, ok: bool) -> None:
     inputs = held(0)
     sigma = share * UNCERTAINTY_MAX * VALUES["EST_SD_MAX"]
-    doubtful = inputs._replace(position=inputs.position._replace(sigma_m=sigma))
-    ((_, output),) = ticks(iter([doubtful]))
+    uncertain = inputs._replace(position=inputs.position._replace(sigma_m=sigma))
+    ((_, output),) = ticks(iter([uncertain]))
     assert output.health.position_age_s == 0.0
     assert output.quality.position_sigma_m == pytest.approx(sigma)
     assert output.health.position_ok == ok
 
 
-def test_a_position_of_unknown_doubt_is_none() -> None:
+def test_a_position_of_unknown_uncertainty_is_none() -> None:
     """No sample leads there: should arithmetic ever, a sigma that is no number is not small."""
     state = after(100)
     errors = state.memory.motion.errors
@@ -218,7 +218,7 @@ def test_a_dead_reckoned_position_is_flown_with_for_so_long_and_then_at_once_whe
             assert "position only dead reckoned" in fault_text(output.health.faults)
 
 
-# --- what is felt -------------------------------------------------------------------------------
+# --- what is measured ---------------------------------------------------------------------------
 
 
 SPIKE = 400.0  # m/s², beyond what an aircraft can feel
@@ -226,7 +226,7 @@ NOW = 100 * DT
 
 
 @pytest.mark.parametrize(
-    ("sample", "felt"),
+    ("sample", "measured"),
     [
         (held(100).imu, True),
         (held(99).imu, False),  # the last one again
@@ -236,22 +236,24 @@ NOW = 100 * DT
         (held(100).imu._replace(time_s=nan), False),
     ],
 )
-def test_the_wind_is_felt_in_what_the_estimator_has_taken(sample: ImuSample, felt: bool) -> None:
+def test_the_wind_is_measured_in_what_the_estimator_has_taken(
+    sample: ImuSample, measured: bool
+) -> None:
     ((state, _),) = ticks(iter([held(100)._replace(imu=sample)]), state=after(100))
-    assert state.memory.wind.imu_time_s == (NOW if felt else NOW - DT)
+    assert state.memory.wind.imu_time_s == (NOW if measured else NOW - DT)
 
 
-@pytest.mark.parametrize(("share", "felt"), [(0.99, True), (1.01, False)])
-def test_accelerations_of_long_ago_are_not_felt(share: float, felt: bool) -> None:
+@pytest.mark.parametrize(("share", "measured"), [(0.99, True), (1.01, False)])
+def test_accelerations_of_long_ago_are_not_used(share: float, measured: bool) -> None:
     late = held(150).imu._replace(time_s=150 * DT - share * IMU_SILENT_S)
     deaf = (held(n)._replace(imu=held(99).imu) for n in range(100, 150))
     *_, (state, _) = ticks(deaf, state=after(100))
     ((received, _),) = ticks(iter([held(150)._replace(imu=late)]), state=state)
     assert received.memory.motion.imu.time_s == late.time_s  # taken, and known to be old
-    assert (received.memory.wind.imu_time_s == 150 * DT) == felt
+    assert (received.memory.wind.imu_time_s == 150 * DT) == measured
 
 
-def test_after_a_clock_that_went_back_nothing_is_felt_until_there_is_something_new() -> None:
+def test_after_a_clock_that_went_back_nothing_is_measured_until_there_is_something_new() -> None:
     back = held(20)._replace(imu=held(99).imu)
     ((state, _),) = ticks(iter([back]), state=after(100))
     assert state.memory.wind.imu_time_s == 99 * DT
