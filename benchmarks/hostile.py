@@ -159,11 +159,11 @@ def fire(frames: int, *, trace: bool = False) -> Fired:
 def hostile_tick() -> Iterator[Result]:
     """The tick between hostile frames against quiet: with their handling, and alone."""
     fired = fire(FRAMES)
-    for name, share in (("p50", 0.5), ("p99", 0.99)):
+    for name, fraction in (("p50", 0.5), ("p99", 0.99)):
         yield Result(
             what=f"{PER_TICK} hostile frames and the tick after them, {name}",
-            value=percentile(fired.loaded_us, share),
-            reference=percentile(fired.quiet_us, share),
+            value=percentile(fired.loaded_us, fraction),
+            reference=percentile(fired.quiet_us, fraction),
             unit="µs",
             reference_what="the tick when it is quiet",
         )

@@ -49,7 +49,7 @@ AWAKE_NS = 200_000  # as long as the module may: `pacing.AWAKE_MAX_S`
 ASLEEP = "a minimal responder in C that sleeps"
 AWAKE = "a minimal responder in C that waits awake"
 IN_MAVUTIL = "a minimal responder with mavutil"
-SHARES = (("p50", 0.5, 2.3), ("p99", 0.99, 2.5), ("p99.9", 0.999, 2.5))
+FRACTIONS = (("p50", 0.5, 2.3), ("p99", 0.99, 2.5), ("p99.9", 0.999, 2.5))
 REGULAR = "0"
 ARRIVALS = (  # of `c/vehicle.c`
     ("samples ± 0.2 ms", "200000"),
@@ -122,9 +122,9 @@ def _beside(
     name: str, ours_ns: Sequence[int], theirs_ns: Sequence[int], whose: str
 ) -> Iterator[Result]:
     """Every percentile of which there are samples enough."""
-    for share_name, share, aim in SHARES:
-        if may_be_reported(share, len(ours_ns)):
-            yield _delay(name, ours_ns, theirs_ns, whose, share_name, share, aim)
+    for fraction_name, fraction, aim in FRACTIONS:
+        if may_be_reported(fraction, len(ours_ns)):
+            yield _delay(name, ours_ns, theirs_ns, whose, fraction_name, fraction, aim)
 
 
 def _delay(
@@ -132,15 +132,15 @@ def _delay(
     ours_ns: Sequence[int],
     theirs_ns: Sequence[int],
     whose: str,
-    share_name: str = "p50",
-    share: float = 0.5,
+    fraction_name: str = "p50",
+    fraction: float = 0.5,
     aim: float = NO_AIM,
 ) -> Result:
     """From a sample to the surfaces, beside somebody else."""
     return Result(
-        what=f"sensor to surface, {name}, {share_name}",
-        value=percentile(ours_ns, share) / 1e3,
-        reference=percentile(theirs_ns, share) / 1e3,
+        what=f"sensor to surface, {name}, {fraction_name}",
+        value=percentile(ours_ns, fraction) / 1e3,
+        reference=percentile(theirs_ns, fraction) / 1e3,
         unit="µs",
         reference_what=whose,
         aim=aim,

@@ -28,6 +28,6 @@ def length(full: int) -> int:
     return max(1, full // _SHORTER) if is_quick() else full
 
 
-def may_be_reported(share: float, samples: int) -> bool:
+def may_be_reported(fraction: float, samples: int) -> bool:
     """Whether so many samples say anything about so far a percentile."""
-    return share < 0.999 or samples >= P999_SAMPLES
+    return fraction < 0.999 or samples >= P999_SAMPLES

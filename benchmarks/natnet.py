@@ -41,7 +41,7 @@ RATE_HZ = 360.0
 BODIES, MARKERS = 50, 10  # of each
 FRAMES = 200
 LEAST_TIMES = 2.3  # as the whole module beside a minimal responder
-SHARE = 0.05  # of a core
+FRACTION = 0.05  # of a core
 SERVER = ("10.0.0.2", 1510)
 
 
@@ -74,11 +74,11 @@ def natnet() -> Iterator[Result]:
             unit="µs",
             reference_what="the vendor's sample (natnetsdk) decodes all of it",
         )
-        share = ours * 1e-6 * RATE_HZ
+        fraction = ours * 1e-6 * RATE_HZ
         yield Result(
             what=f"{what}, at {RATE_HZ:g} Hz",
-            value=share * 100,
-            reference=SHARE * 100,
+            value=fraction * 100,
+            reference=FRACTION * 100,
             unit="%",
             reference_what="of a core at most",
         )

@@ -173,9 +173,9 @@ def missed(page: str) -> str:
     for group in dict.fromkeys(aim.group for aim in aims if aim.is_missed):
         of_these = [aim for aim in aims if aim.group == group]
         worst = max((aim for aim in of_these if aim.is_missed), key=lambda aim: aim.times_over)
-        share = f"{sum(aim.is_missed for aim in of_these)} of {len(of_these)}"
+        fraction = f"{sum(aim.is_missed for aim in of_these)} of {len(of_these)}"
         lines.append(
-            f"| {group} | {share} | {worst.what}: {worst.ratio} × {worst.beside} ({worst.aim}) |"
+            f"| {group} | {fraction} | {worst.what}: {worst.ratio} × {worst.beside} ({worst.aim}) |"
         )
     return "\n".join(lines)
 

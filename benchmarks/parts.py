@@ -57,10 +57,10 @@ def parts() -> Iterator[Result]:
         after_sleep = _whole(flight, SLEEPY_TICKS, lambda: time.sleep(TICK_S))
         cold = _whole(flight, length(COLD_TICKS), caches.empty)
         again, times = _times(ModuleFlight(_recorder(stack)).engaged(), _recorder(stack))
-    for name, share, allowed in (("p50", 0.5, P50_ALLOWED), ("p99", 0.99, P99_ALLOWED)):
+    for name, fraction, allowed in (("p50", 0.5, P50_ALLOWED), ("p99", 0.99, P99_ALLOWED)):
         yield Result(
             what=f"a tick, all of it, {name}",
-            value=percentile(whole, share),
+            value=percentile(whole, fraction),
             reference=PERIOD_US * allowed,
             unit="µs",
             reference_what=f"{100 * allowed:g} % of the period",
@@ -76,11 +76,11 @@ def parts() -> Iterator[Result]:
             reference_what=INTERPRETED,
         )
     for how, times_us in (("after 5 ms of sleep", after_sleep), ("with empty caches", cold)):
-        for name, share in (("p50", 0.5), ("p99", 0.99)):
+        for name, fraction in (("p50", 0.5), ("p99", 0.99)):
             yield Result(
                 what=f"a tick {how}, {name}",
-                value=percentile(times_us, share),
-                reference=percentile(whole, share),
+                value=percentile(times_us, fraction),
+                reference=percentile(whole, fraction),
                 unit="µs",
                 reference_what="one right after the other",
             )

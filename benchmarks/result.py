@@ -33,6 +33,6 @@ class Result(NamedTuple):
         return self.ratio <= self.aim
 
 
-def percentile(values: Sequence[float], share: float) -> float:
+def percentile(values: Sequence[float], fraction: float) -> float:
     """The value that so large a share of all lies below."""
-    return sorted(values)[int(share * (len(values) - 1))]
+    return sorted(values)[int(fraction * (len(values) - 1))]

@@ -29,7 +29,7 @@ AWAKE_NS = 200_000  # `pacing.AWAKE_MAX_S`
 ASLEEP, AWAKE = "a C loop that sleeps", "a C loop that waits awake"
 BUSY_CORES = 2
 STARTING_S = 1.5
-SHARES = (("p50", 0.5, float("inf")), ("p99", 0.99, 1.3), ("p99.9", 0.999, 1.5))
+FRACTIONS = (("p50", 0.5, float("inf")), ("p99", 0.99, 1.3), ("p99.9", 0.999, 1.5))
 
 
 def wake_ups() -> Iterator[Result]:
@@ -44,12 +44,12 @@ def wake_ups() -> Iterator[Result]:
         with busy(cores):
             ours, asleep, awake = beside_c(seconds)
             for whose, in_c in ((AWAKE, awake), (ASLEEP, asleep)):
-                for name, share, aim in SHARES:
-                    if may_be_reported(share, len(ours)):
+                for name, fraction, aim in FRACTIONS:
+                    if may_be_reported(fraction, len(ours)):
                         yield Result(
                             what=f"wake-up lateness, {load}, {name}",
-                            value=percentile(ours, share) / 1e3,
-                            reference=percentile(in_c, share) / 1e3,
+                            value=percentile(ours, fraction) / 1e3,
+                            reference=percentile(in_c, fraction) / 1e3,
                             unit="µs",
                             reference_what=whose,
                             aim=aim,

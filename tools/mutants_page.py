@@ -17,7 +17,7 @@ This page shows developers how well the tests detect faults. A mutant is a small
 source, such as an inverted comparison, a doubled number or a missing row of a table
 (`tools/mutations.py` lists the kinds). `make mutate` makes this page from 500 changes; the run
 shown here tried {tried}, drawn with seed {seed} from all {total} that are possible. The tests
-notice {noticed} ({share:.1f} %).
+notice {noticed} ({fraction:.1f} %).
 
 Tests that need real time or compile kernels are left out; the others have {budget_s:.0f} s of
 processor time for each change. The reasons in the last table are written by hand, and a new run
@@ -76,7 +76,7 @@ def page_of(verdicts: dict[Mutant, Verdict], total: int, seed: int, root: Path, 
         seed=seed,
         total=total,
         noticed=noticed.total(),
-        share=100.0 * noticed.total() / max(len(verdicts), 1),
+        fraction=100.0 * noticed.total() / max(len(verdicts), 1),
         budget_s=BUDGET_S,
         left_out=";\n".join(f"- {each}" for each in LEFT_OUT) + ".",
         doors="\n".join(_row(door, str(tried[door]), str(noticed[door])) for door in sorted(tried)),

@@ -108,14 +108,14 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
             workshop.try_all(mutants)
     verdicts = workshop.verdicts
     noticed = sum(verdict.noticed for verdict in verdicts.values())
-    share = 100.0 * noticed / max(len(verdicts), 1)
+    fraction = 100.0 * noticed / max(len(verdicts), 1)
     took_min = (time.monotonic() - began_s) / 60.0
-    print(f"{noticed} of {len(verdicts)} mutants noticed ({share:.1f} %), in {took_min:.0f} min")
+    print(f"{noticed} of {len(verdicts)} mutants noticed ({fraction:.1f} %), in {took_min:.0f} min")
     if options.page:
         before = options.page.read_text(encoding="utf-8") if options.page.exists() else ""
         page = page_of(verdicts, total, options.seed, root, before)
         options.page.write_text(page, encoding="utf-8")
-    return int(share < options.least)
+    return int(fraction < options.least)
 
 
 if __name__ == "__main__":

@@ -105,7 +105,7 @@ _COUNTING: Final = re.compile(
 # What these give is counted.
 _COUNTS: Final = frozenset(("count", "count_nonzero", "index", "int", "len", "ord", "qsize", "sum"))
 # A constant that ends so is measured.
-_UNIT: Final = re.compile("_(M|S|MS|US|HZ|RAD|DEG|MPS|MPS2|RADPS|FACTOR|SHARE|SD)$")
+_UNIT: Final = re.compile("_(M|S|MS|US|HZ|RAD|DEG|MPS|MPS2|RADPS|FACTOR|FRACTION|SD)$")
 # Names that only tools read.
 _NOT_CODE: Final = frozenset(("__all__", "__slots__", "__match_args__"))
 _WORDS: Final = 100  # characters of a side of a change that are shown

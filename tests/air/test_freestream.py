@@ -62,11 +62,11 @@ def test_force_on_the_board_is_the_momentum_it_takes(slope_deg: float) -> None:
     slope = radians(slope_deg)
     jet = solve_free_jet(slope, HEIGHT, BOARD, AHEAD)
     # On the board t runs from 1 to b; ds = dφ / q and pressure over the room's = (1 − q²) / 2.
-    share = 0.5 * (np.polynomial.legendre.leggauss(200)[0] + 1.0)
+    fraction = 0.5 * (np.polynomial.legendre.leggauss(200)[0] + 1.0)
     weight = 0.5 * np.polynomial.legendre.leggauss(200)[1]
-    chi = (log(jet.tip) * share**2).astype(np.complex128)
+    chi = (log(jet.tip) * fraction**2).astype(np.complex128)
     slow = np.abs(slowness(jet, chi + 1e-12j))
-    length = slow * jet.flow_m2ps / pi * log(jet.tip) * 2.0 * share * weight
+    length = slow * jet.flow_m2ps / pi * log(jet.tip) * 2.0 * fraction * weight
     assert length.sum() == pytest.approx(BOARD, rel=1e-4)
     push = float(np.sum(length * 0.5 * (1.0 - 1.0 / slow**2)))
     far = 1.0 / slowness(jet, np.array([25.0 + 0.5j * pi]))[0]

@@ -388,11 +388,11 @@ def _write_foam(case: Path, x: FloatArray, y: FloatArray, z: FloatArray) -> Path
     for name, (kind, items) in lists.items():
         (mesh / name).write_text(_foam_list(kind, name, where, items))
     middle = [0.5 * (axis[1:] + axis[:-1]) for axis in (x, y, z)]
-    for time, share in (("0", 0.0), ("100", 1.0)):
+    for time, fraction in (("0", 0.0), ("100", 1.0)):
         winds = []
         for a, b, _ in ((a, b, c) for a in middle[0] for b in middle[1] for c in middle[2]):
             u, _, w = HILL.wind_at(a, 0.0, b, 0.0)
-            winds.append(f"({share * u:.9g} {share * w:.9g} 0)")
+            winds.append(f"({fraction * u:.9g} {fraction * w:.9g} 0)")
         (case / time).mkdir()
         body = _foam_list("volVectorField", "U", time, winds)
         head, _, rest = body.partition("\n")

@@ -94,8 +94,8 @@ def test_mixing_edge_has_the_width_of_its_law_and_keeps_momentum() -> None:
     # erf⁻¹(0.8) = 0.906 on either side; the path from the lip is 0.9 m plus the bend's 2 %.
     assert low - high == pytest.approx(2.0 * 0.906 * 0.92 / SPREADING, rel=0.1)
     xi = np.linspace(-6.0, 6.0, 4001)
-    share = np.array([0.5 * (1.0 + erf(value + SHIFT)) for value in xi])
-    assert np.trapezoid(share**2 - (xi > 0.0), xi) == pytest.approx(0.0, abs=2e-3)
+    fraction = np.array([0.5 * (1.0 + erf(value + SHIFT)) for value in xi])
+    assert np.trapezoid(fraction**2 - (xi > 0.0), xi) == pytest.approx(0.0, abs=2e-3)
 
 
 def test_the_edge_grows_as_fast_as_plane_mixing_layers_have_been_measured_to() -> None:

@@ -239,8 +239,8 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
         found = with_way_home(laws, state.supervisor, weak, now, SETTLES | NEAR_LINE)
         assert bool(found & BREAK_OFF) == goes
     recovering = state.supervisor._replace(mode=RECOVERING)
-    for share, goes in ((0.49, False), (0.51, True)):  # of its longest time
-        begun_s = now.vehicle.time_s - share * laws.guards.recover_s
+    for fraction, goes in ((0.49, False), (0.51, True)):  # of its longest time
+        begun_s = now.vehicle.time_s - fraction * laws.guards.recover_s
         since = recovering._replace(since_s=begun_s)
         found = with_way_home(laws, since, state.passage, now, SETTLES | NEAR_LINE)
         assert bool(found & BREAK_OFF) == goes

@@ -69,7 +69,7 @@ def test_without_a_budget_the_line_ends_the_flight() -> None:
     outputs, heights, _ = flown(0.0, 20.0)
     assert outputs[-1].mode in (RELEASED, FAILED)
     assert heights[-1] < 3.0
-    assert all(output.throttle.share == 0.0 for output in outputs)
+    assert all(output.throttle.fraction == 0.0 for output in outputs)
 
 
 def test_with_one_it_stays_on_the_line_with_its_height() -> None:
@@ -82,7 +82,7 @@ def test_with_one_it_stays_on_the_line_with_its_height() -> None:
     assert on_line
     assert max(on_line) < 0.05
     # The integral that is told is that of what was sent, and so of what moved the aircraft.
-    sent = sum(output.throttle.share for output in outputs) / 200.0
+    sent = sum(output.throttle.fraction for output in outputs) / 200.0
     assert outputs[-1].throttle.used_s == pytest.approx(sent)
     assert 0.0 < sent < 30.0
 
@@ -145,7 +145,7 @@ def test_who_soars_needs_no_power_for_the_way_home(monkeypatch: pytest.MonkeyPat
 
 def test_the_air_is_read_without_the_propeller() -> None:
     outputs, _, world = flown(30.0, 20.0)
-    powered = [o for o in outputs if o.throttle.share > 0.2]
+    powered = [o for o in outputs if o.throttle.fraction > 0.2]
     assert len(powered) > 400
     foreseen = np.array([o.forecast.excess_mps for o in powered])
     # It climbs, and there is no lift: -0.5 to -0.7 m/s, as without power at these heights.
@@ -169,7 +169,7 @@ class Silent(ClosedLoop):
     last: PositionFix
 
     def _decide(self, inputs: Inputs) -> Output:
-        if self.output is not None and self.output.throttle.share > 0.2 and not self.stops_at:
+        if self.output is not None and self.output.throttle.fraction > 0.2 and not self.stops_at:
             self.stops_at = inputs.time_s
             self.last = inputs.position
         if self.stops_at:
@@ -180,17 +180,17 @@ class Silent(ClosedLoop):
 def test_a_place_that_is_lost_closes_it() -> None:
     loop = loop_of(30.0, Silent)
     assert isinstance(loop, Silent)
-    shares = []
+    fractions = []
     for _ in range(200 * 12):
         output = loop.tick()
         if not output.active and loop.stops_at:
             break
         if loop.stops_at:
-            shares.append((output.health.position_ok, output.throttle.share))
-    assert shares
-    assert any(share > 0.0 for known, share in shares if known)
-    assert all(share == 0.0 for known, share in shares if not known)
-    assert output.throttle.share == 0.0
+            fractions.append((output.health.position_ok, output.throttle.fraction))
+    assert fractions
+    assert any(fraction > 0.0 for known, fraction in fractions if known)
+    assert all(fraction == 0.0 for known, fraction in fractions if not known)
+    assert output.throttle.fraction == 0.0
 
 
 def test_who_disengages_closes_it_and_keeps_the_account() -> None:
@@ -202,7 +202,7 @@ def test_who_disengages_closes_it_and_keeps_the_account() -> None:
     loop.engage = False
     output = loop.tick()
     assert not output.active
-    assert output.throttle.share == loop.world.throttle == 0.0
+    assert output.throttle.fraction == loop.world.throttle == 0.0
     assert output.throttle.used_s == used_s
     state = loop.state.throttle
     assert (state.push_mps2, state.pitch_rad) == (0.0, 0.0)

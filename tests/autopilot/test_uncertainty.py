@@ -106,10 +106,10 @@ def after(count: int) -> AutopilotState:
 # --- positions ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("share", "ok"), [(0.99, True), (1.01, False)])
-def test_a_young_fix_of_too_much_uncertainty_is_no_position(share: float, ok: bool) -> None:
+@pytest.mark.parametrize(("fraction", "ok"), [(0.99, True), (1.01, False)])
+def test_a_young_fix_of_too_much_uncertainty_is_no_position(fraction: float, ok: bool) -> None:
     inputs = held(0)
-    sigma = share * UNCERTAINTY_MAX * VALUES["EST_SD_MAX"]
+    sigma = fraction * UNCERTAINTY_MAX * VALUES["EST_SD_MAX"]
     uncertain = inputs._replace(position=inputs.position._replace(sigma_m=sigma))
     ((_, output),) = ticks(iter([uncertain]))
     assert output.health.position_age_s == 0.0
@@ -243,9 +243,9 @@ def test_the_wind_is_measured_in_what_the_estimator_has_taken(
     assert state.memory.wind.imu_time_s == (NOW if measured else NOW - DT)
 
 
-@pytest.mark.parametrize(("share", "measured"), [(0.99, True), (1.01, False)])
-def test_accelerations_of_long_ago_are_not_used(share: float, measured: bool) -> None:
-    late = held(150).imu._replace(time_s=150 * DT - share * IMU_SILENT_S)
+@pytest.mark.parametrize(("fraction", "measured"), [(0.99, True), (1.01, False)])
+def test_accelerations_of_long_ago_are_not_used(fraction: float, measured: bool) -> None:
+    late = held(150).imu._replace(time_s=150 * DT - fraction * IMU_SILENT_S)
     deaf = (held(n)._replace(imu=held(99).imu) for n in range(100, 150))
     *_, (state, _) = ticks(deaf, state=after(100))
     ((received, _),) = ticks(iter([held(150)._replace(imu=late)]), state=state)

@@ -60,7 +60,7 @@ PARAMS = LandingParams(
     speed_min_mps=6.0,
     heading_max_rad=radians(20.0),
     sigmas=2.0,
-    wind_share=1.0,
+    wind_fraction=1.0,
     glide_pitch_rad=radians(-4.0),
     side_max_m=60.0,
     tilt_max_rad=radians(60.0),
@@ -134,7 +134,7 @@ def test_the_escape_condition_is_the_best_speed_against_two_sigma() -> None:
     assert found <= best - PARAMS.spare_m
     surer = escape_height(PARAMS, vehicle, air(wind_sigma_mps=0.0))
     assert surer > found + 0.5
-    assert escape_height(PARAMS._replace(wind_share=0.8), vehicle, now) > found + 1.0
+    assert escape_height(PARAMS._replace(wind_fraction=0.8), vehicle, now) > found + 1.0
 
 
 @pytest.mark.parametrize("bearing_deg", [0.0, 30.0])
@@ -174,7 +174,7 @@ def test_all_of_it_turned_about_the_place_leaves_the_same(turned_deg: float) -> 
     """Place, approach, aircraft and wind, to the side by so much."""
     turned = radians(turned_deg)
     place = LandingPlace(x_m=0.0, y_m=0.0, z_m=0.0, bearing_rad=turned, length_m=20.0)
-    params = PARAMS._replace(place=place, sigmas=0.0, wind_share=0.9)
+    params = PARAMS._replace(place=place, sigmas=0.0, wind_fraction=0.9)
     straight = params._replace(place=place._replace(bearing_rad=0.0))
     wind = air(wind_mps=6.5 * cos(turned), cross_wind_mps=-6.5 * sin(turned))
     for away_m, z_m in ((20.0, 14.0), (25.0, 9.0)):

@@ -111,8 +111,8 @@ def test_every_lean_of_an_aircraft_that_no_gain_was_found_on_is_accepted(delay_s
         assert margin_fault(values.changed({"TGL_LEAN": float(degree)})) == ""
     unyielding = values.changed({"DYN_PATH": 0.0})
     laws, firm = laws_from(values, SITE.frame()), laws_from(unyielding, SITE.frame())
-    for lean, share, inertial in ((5.0, 0.92, True), (45.0, 1.15, False)):
-        speed = share * values["DYN_BEST"]
+    for lean, fraction, inertial in ((5.0, 0.92, True), (45.0, 1.15, False)):
+        speed = fraction * values["DYN_BEST"]
         with_it = flown(laws, values, speed, lean, inertial)
         without = with_it._replace(soaring=flown(firm, unyielding, speed, lean, inertial).soaring)
         assert loop_margin.disk_margin(with_it) > FLOOR

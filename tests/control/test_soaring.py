@@ -178,7 +178,7 @@ TRIM = TrimGains(-0.03, 1.0, 2.0, 0.5)
 
 
 def test_theta_0_is_the_constant_unless_a_share_of_the_glide_is_asked_for() -> None:
-    state, gust = trim_step(TRIM._replace(share=0.0), TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
+    state, gust = trim_step(TRIM._replace(fraction=0.0), TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
     assert (state.pitch_rad, gust) == (-0.03, 0.0)
     state, _ = trim_step(TRIM, TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
     assert state.pitch_rad == pytest.approx(0.1)

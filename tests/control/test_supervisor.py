@@ -936,10 +936,10 @@ def test_noise_cannot_make_it_chatter(seed: int, flips: int, engaged: bool) -> N
     steady = WELL if engaged else WELL & ~s.ENGAGE
     more = random.Random(seed + 1)
     searches = more.choice([0, s.SEARCH, SOUGHT])
-    share = dice.choice([0.01, 0.1, 0.5, 0.9])
+    fraction = dice.choice([0.01, 0.1, 0.5, 0.9])
     noise = 0
     for _ in range(1200):
-        if dice.random() < share:
+        if dice.random() < fraction:
             noise = dice.getrandbits(24) & flickers | more.getrandbits(27) & searches
         flown.look(steady ^ noise)
     times = [when for when, _, _ in flown.changes]

@@ -120,7 +120,7 @@ def test_it_arrives_when_kinematics_says(distance_m: float, side: float) -> None
     limits=limits_of_any_kind,
     seconds=st.tuples(st.floats(-10, 10), st.floats(-10, 10)),
     eta=inclinations,
-    share=st.floats(-1.0, 1.0),
+    fraction=st.floats(-1.0, 1.0),
     dts=st.lists(st.floats(0.0, 0.1), min_size=1, max_size=6),
     drift_m=st.floats(0.0, 0.5),
 )
@@ -128,7 +128,7 @@ def test_a_moving_line_is_gentle_and_arrives(
     limits: LineLimits,
     seconds: tuple[float, float],
     eta: float,
-    share: float,
+    fraction: float,
     dts: list[float],
     drift_m: float,
 ) -> None:
@@ -140,7 +140,7 @@ def test_a_moving_line_is_gentle_and_arrives(
     eta1 = max(0.3, min(pi - 0.3, eta + limits.turn_rate_radps * seconds[1]))
     target = TargetLine(x0, 1.0, eta1)
     state = LineState(
-        x_m=0.0, z_m=1.0, eta_rad=eta, speed_mps=share * limits.speed_mps, moving=True
+        x_m=0.0, z_m=1.0, eta_rad=eta, speed_mps=fraction * limits.speed_mps, moving=True
     )
     time = 0.0
     for k in range(10_000):

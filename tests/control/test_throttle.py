@@ -58,7 +58,12 @@ def after(
 
 def test_where_the_air_carries_it_stays_closed() -> None:
     state = after(CARRIED, 5.0)
-    assert (state.standing, state.called, state.share, state.used_s) == (CLOSED, NOT_CALLED, 0, 0)
+    assert (state.standing, state.called, state.fraction, state.used_s) == (
+        CLOSED,
+        NOT_CALLED,
+        0,
+        0,
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,7 +78,7 @@ def test_where_the_air_carries_it_stays_closed() -> None:
 def test_what_calls_it_opens_it(view: ThrottleView, called: int) -> None:
     state = after(view, 0.5)
     assert (state.standing, state.called) == (OPEN, called)
-    assert 0.0 < state.share <= 0.5 * THROTTLE_PER_S
+    assert 0.0 < state.fraction <= 0.5 * THROTTLE_PER_S
 
 
 @pytest.mark.parametrize(
@@ -101,13 +106,13 @@ def test_it_goes_on_for_a_while_and_fades() -> None:
     opened = after(SINKING, 2.0)
     still = after(CARRIED, HOLD_S - 0.05, opened)
     assert still.standing == OPEN
-    assert still.share > 0.0
+    assert still.fraction > 0.0
     assert after(CARRIED, HOLD_S + 3.0, opened).standing == CLOSED
-    shares, state = [], opened
+    fractions, state = [], opened
     for _ in range(800):
         state = throttle_step(PARAMS, state, CARRIED, DT)
-        shares.append(state.share)
-    assert all(b >= a - 0.01 for a, b in itertools.pairwise(shares))  # no step down
+        fractions.append(state.fraction)
+    assert all(b >= a - 0.01 for a, b in itertools.pairwise(fractions))  # no step down
 
 
 @pytest.mark.parametrize(
@@ -122,9 +127,9 @@ def test_it_goes_on_for_a_while_and_fades() -> None:
 )
 def test_where_it_is_uncertain_it_is_closed_at_once(uncertain: dict[str, float]) -> None:
     opened = after(SINKING, 1.0)
-    assert opened.share > 0.3
+    assert opened.fraction > 0.3
     state = throttle_step(PARAMS, opened, SINKING._replace(**uncertain), DT)  # type: ignore[arg-type]
-    assert (state.share, state.integral_mps) == (0.0, 0.0)
+    assert (state.fraction, state.integral_mps) == (0.0, 0.0)
     assert state.used_s == opened.used_s
     assert 0.0 < state.push_mps2 < opened.push_mps2 or opened.turns == 0.0  # it runs down
 
@@ -142,10 +147,10 @@ def test_what_is_used_is_the_integral_and_never_more_than_the_budget(
     state, told = NO_THROTTLE, 0.0
     for allowed, nowhere, climb, dt in ticks:
         view = SINKING._replace(allowed=allowed, nowhere=nowhere, climb_mps=climb)
-        before = state.share
+        before = state.fraction
         state = throttle_step(params, state, view, dt)
-        told += state.share * dt
-        assert 0.0 <= state.share <= min(1.0, before + THROTTLE_PER_S * dt + 1e-12)
+        told += state.fraction * dt
+        assert 0.0 <= state.fraction <= min(1.0, before + THROTTLE_PER_S * dt + 1e-12)
         assert state.used_s <= budget_s
         assert state.used_s == pytest.approx(told, abs=1e-9)
 
@@ -154,9 +159,9 @@ def test_the_whole_budget_is_spent_and_then_it_is_reported() -> None:
     state, told = NO_THROTTLE, 0.0
     for _ in range(6000):
         state = throttle_step(PARAMS._replace(budget_s=3.0), state, SINKING, DT)
-        told += state.share * DT
+        told += state.fraction * DT
     assert told == pytest.approx(3.0, abs=1e-9)
-    assert (state.standing, state.used_s, state.share) == (USED_UP, 3.0, 0.0)
+    assert (state.standing, state.used_s, state.fraction) == (USED_UP, 3.0, 0.0)
     more = after(SINKING, 1.0, state, PARAMS._replace(budget_s=5.0))
     assert more.standing == OPEN
     assert more.used_s > 3.0
@@ -176,7 +181,7 @@ def test_it_holds_what_sinks_with_the_least_that_is_needed() -> None:
         state = throttle_step(PARAMS, state, SINKING._replace(climb_mps=climb), DT)
         climb += DT * 6.0 * (state.climb_mps - 1.0 - climb)
     assert climb == pytest.approx(0.3, abs=0.01)
-    assert state.share == pytest.approx(1.3 / full_climb(PARAMS, 9.0), rel=0.01)
+    assert state.fraction == pytest.approx(1.3 / full_climb(PARAMS, 9.0), rel=0.01)
     assert state.pitch_rad == pytest.approx(state.climb_mps / 9.0)
 
 

@@ -92,9 +92,11 @@ def test_landings_that_were_too_hard_are_those_of_the_table() -> None:
     well, count = counts("rigid body, dispersed")
     stalled = hard("Rigid body, dispersed")
     plain = sum(not kind for kind, _ in stalled)
-    share = round(100 * well / count)
+    fraction = round(100 * well / count)
     assert f"Of {count} dispersed break-offs by command" in text
-    assert f"{well} ({share} %) touched down as they should, {len(stalled)} met the ground" in text
+    assert (
+        f"{well} ({fraction} %) touched down as they should, {len(stalled)} met the ground" in text
+    )
     assert f"at 1.5 to {max(sink for _, sink in stalled):.1f} m/s of sink, {plain} of these" in text
     assert f"and {count - well - len(stalled)} came down softly" in text
 

@@ -131,7 +131,7 @@ LOOKED_AT = {
     r"brake is retracted": r"command\.brake == 0\.0",
     r"^the same$|line alone is held": r"state\.brake == 0\.0",
     r"refused, in words": r"words|match=",
-    r"closed at once": r"share, .*== \(0\.0",
+    r"closed at once": r"fraction, .*== \(0\.0",
     r"as for these": r"surfaces\.elevator == .*command\.elevator",
     r"engages nothing": r"== NOTHING",
     r"no mode is requested": r"len\(flight\.asked\) == asked",

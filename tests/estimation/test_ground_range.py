@@ -161,11 +161,11 @@ def test_in_flight_a_drift_is_followed_no_faster_than_a_line_slides() -> None:
 def test_a_gauss_markov_drift_is_left_with_what_was_argued() -> None:
     """1 m with 300 s, within the limits: 0.08 m by the lag of 2 s."""
     random = Random(3)
-    share = 1.0 / RATE_HZ / 300.0
+    fraction = 1.0 / RATE_HZ / 300.0
     drift, errors = 0.0, []
     sensor = Sensor().fly(1.0, flying=False)
     for _ in range(round(1200.0 * RATE_HZ)):
-        drift += -share * drift + (2.0 * share) ** 0.5 * random.gauss(0.0, 1.0)
+        drift += -fraction * drift + (2.0 * fraction) ** 0.5 * random.gauss(0.0, 1.0)
         held = drift
         sensor.fly(1.0 / RATE_HZ, bias_m=lambda _, held=held: held)  # type: ignore[misc]
         errors.append(drift + sensor.found.correction_m)

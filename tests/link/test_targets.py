@@ -133,16 +133,18 @@ def test_px4_s_actuators_are_roll_pitch_yaw() -> None:
     assert said.controls[:3] == (-0.25, 0.5, 1.0)
 
 
-@pytest.mark.parametrize("share", [-1.0, -0.5, 0.0, 0.3, 1.0])
-def test_paparazzi_s_eight_bits_have_the_sign_and_the_size_that_were_meant(share: float) -> None:
-    (said,) = target("paparazzi").commands(SurfaceCommand(share, share, share), NO_SETPOINTS)
+@pytest.mark.parametrize("fraction", [-1.0, -0.5, 0.0, 0.3, 1.0])
+def test_paparazzi_s_eight_bits_have_the_sign_and_the_size_that_were_meant(fraction: float) -> None:
+    (said,) = target("paparazzi").commands(
+        SurfaceCommand(fraction, fraction, fraction), NO_SETPOINTS
+    )
     assert isinstance(said, RcChannelsOverride)
     roll_us, pitch_us, throttle_us, yaw_us = said.channels[:4]
     # What its mavlink.c makes of them; its division truncates.
     roll = int(-(roll_us - 1500) * 255 / 1100 / 2)
     pitch = int(-(pitch_us - 1500) * 255 / 1100 / 2)
     yaw = int(-(yaw_us - 1500) * 255 / 1100)
-    assert (roll, pitch, yaw) == pytest.approx((127 * share,) * 3, abs=1.0)
+    assert (roll, pitch, yaw) == pytest.approx((127 * fraction,) * 3, abs=1.0)
     assert (throttle_us - 950) * 127 // 1100 == 0
     assert target("paparazzi").release() == ()  # a 0 would be a full deflection
 

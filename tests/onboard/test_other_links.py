@@ -97,8 +97,8 @@ def test_a_link_that_has_had_its_share_wakes_nobody_until_the_next_tick() -> Non
     other = Peer(repeat(b"\xfd" * 2000))
     flight = Linked(other)
     flight.run(0.1)
-    shares = [fd for fd in flight.links.filenos() if fd >= 0]
-    flight.links.read_others(shares, flight.now_s)
+    fractions = [fd for fd in flight.links.filenos() if fd >= 0]
+    flight.links.read_others(fractions, flight.now_s)
     waited_on, reads = flight.links.filenos(), other.reads
     assert waited_on[0] >= 0
     assert waited_on[1] == -1

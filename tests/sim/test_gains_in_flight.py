@@ -133,9 +133,9 @@ def test_accelerations_lost_in_flight_are_flown_without(seed: int) -> None:
     faults = parse_faults(["imu.dropout start=5 for=60"])
     loop = ClosedLoop(world(seed, 0.03, WITH_IMU), shipped_values(), Injection(faults, seed))
     flight = ticks(loop, 14.0)
-    share = [output.imu_weight for output in flight]
-    assert share[5 * HZ - 1] == 1.0
-    assert share[round(5.2 * HZ)] == 0.0  # 50 ms until silence is noticed, 100 ms to go
-    assert set(share[round(5.2 * HZ) :]) == {0.0}
+    fraction = [output.imu_weight for output in flight]
+    assert fraction[5 * HZ - 1] == 1.0
+    assert fraction[round(5.2 * HZ)] == 0.0  # 50 ms until silence is noticed, 100 ms to go
+    assert set(fraction[round(5.2 * HZ) :]) == {0.0}
     assert flight[-1].active
     assert rms_e_rho_m(flight[6 * HZ :]) < 0.03

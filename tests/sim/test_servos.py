@@ -45,10 +45,10 @@ def test_the_closed_form_solves_the_equation(command: float) -> None:
     st.floats(0.0, 1.0),
 )
 def test_two_parts_of_a_step_make_the_step(
-    deflection: float, command: float, dt_s: float, share: float
+    deflection: float, command: float, dt_s: float, fraction: float
 ) -> None:
-    first = servo_moved(SERVO, deflection, command, share * dt_s)
-    both = servo_moved(SERVO, first, command, (1.0 - share) * dt_s)
+    first = servo_moved(SERVO, deflection, command, fraction * dt_s)
+    both = servo_moved(SERVO, first, command, (1.0 - fraction) * dt_s)
     assert both == pytest.approx(servo_moved(SERVO, deflection, command, dt_s), abs=1e-12)
     assert abs(both) <= SERVO.travel
 

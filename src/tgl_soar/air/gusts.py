@@ -234,8 +234,8 @@ class Schedule:
             return values[0]
         if k == len(times):
             return values[-1]
-        share = (time_s - times[k - 1]) / (times[k] - times[k - 1])
-        return values[k - 1] + share * (values[k] - values[k - 1])
+        fraction = (time_s - times[k - 1]) / (times[k] - times[k - 1])
+        return values[k - 1] + fraction * (values[k] - values[k - 1])
 
 
 class ScaledField:
@@ -293,31 +293,31 @@ class BlendedField:
     @property
     def reference_wind_mps(self) -> float:
         """The blend of both reference winds at the start of the schedule [m/s]."""
-        share = self.weight.values[0]
+        fraction = self.weight.values[0]
         a, b = self.first.reference_wind_mps, self.second.reference_wind_mps
-        return a + share * (b - a)
+        return a + fraction * (b - a)
 
     def wind_at(
         self, x_m: float, y_m: float, z_m: float, time_s: float
     ) -> tuple[float, float, float]:
         """Wind (u, v, w) [m/s] at one place and time."""
-        share = self.weight.at(time_s)
-        if share == 0.0:
+        fraction = self.weight.at(time_s)
+        if fraction == 0.0:
             return self.first.wind_at(x_m, y_m, z_m, time_s)
-        if share == 1.0:
+        if fraction == 1.0:
             return self.second.wind_at(x_m, y_m, z_m, time_s)
         u1, v1, w1 = self.first.wind_at(x_m, y_m, z_m, time_s)
         u2, v2, w2 = self.second.wind_at(x_m, y_m, z_m, time_s)
-        return u1 + share * (u2 - u1), v1 + share * (v2 - v1), w1 + share * (w2 - w1)
+        return u1 + fraction * (u2 - u1), v1 + fraction * (v2 - v1), w1 + fraction * (w2 - w1)
 
     def wind(
         self, x_m: ArrayLike, y_m: ArrayLike, z_m: ArrayLike, time_s: float = 0.0
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Wind u, v, w [m/s], arrays of the broadcast shape."""
-        share = self.weight.at(time_s)
+        fraction = self.weight.at(time_s)
         u1, v1, w1 = self.first.wind(x_m, y_m, z_m, time_s)
         u2, v2, w2 = self.second.wind(x_m, y_m, z_m, time_s)
-        return u1 + share * (u2 - u1), v1 + share * (v2 - v1), w1 + share * (w2 - w1)
+        return u1 + fraction * (u2 - u1), v1 + fraction * (v2 - v1), w1 + fraction * (w2 - w1)
 
     def inside(self, x_m: float, y_m: float, z_m: float) -> bool:
         """Inside both fields."""
@@ -342,10 +342,10 @@ class GustyField:
         """Sum of all gusts (u, v, w) [m/s] at a time."""
         u = v = w = 0.0
         for gust in self.gusts:
-            share = gust_fraction(gust, time_s)
-            u += share * gust.u_mps
-            v += share * gust.v_mps
-            w += share * gust.w_mps
+            fraction = gust_fraction(gust, time_s)
+            u += fraction * gust.u_mps
+            v += fraction * gust.v_mps
+            w += fraction * gust.w_mps
         return u, v, w
 
     def wind_at(

@@ -88,7 +88,7 @@ def relieve(net: FreeJetMap, width_m: float) -> Relief:
     total = np.zeros((3, laplace.shape[0]))
     for n in range(MODES):
         wave = (2 * n + 1) * pi / width_m
-        share = 4.0 * (-1) ** n / (pi * (2 * n + 1))
+        fraction = 4.0 * (-1) ** n / (pi * (2 * n + 1))
         pull = wave**2 * strip.weight.ravel()
         matrix = (laplace + diags(pull)).tocsr()
         solver = splu(matrix[free][:, free].tocsc())
@@ -96,8 +96,8 @@ def relieve(net: FreeJetMap, width_m: float) -> Relief:
         # The series alternates: half of the last term is its best estimate.
         last = 0.5 if n == MODES - 1 else 1.0
         for case in range(3):
-            edge = share * surface[case].ravel()[held]
-            right = (pull * share * side[case].ravel())[free] - coupling @ edge
+            edge = fraction * surface[case].ravel()[held]
+            right = (pull * fraction * side[case].ravel())[free] - coupling @ edge
             total[case, held] += last * edge
             total[case, free] += last * solver.solve(right)
     fields = total.reshape(3, *shape)

@@ -513,10 +513,10 @@ class _Problem:
         # a command counts from the step at which it was given: held, not drawn to the next
         place = at - delay_s[:, None, None] / STEP_S
         low = np.floor(place).astype(np.int64)
-        share = place - low
+        fraction = place - low
         last = len(command) - 1
         first, second = command[np.clip(low, 0, last)], command[np.clip(low + 1, 0, last)]
-        wanted = first + share * (second - first)
+        wanted = first + fraction * (second - first)
         fade = 1.0 - np.exp(-lag * STEP_S)
         stands = wanted[:, 0]
         result = np.empty_like(wanted[:, warm:])

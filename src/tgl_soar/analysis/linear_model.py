@@ -214,8 +214,8 @@ def _gain_margins_db(open_loop: Complex) -> tuple[float, float]:
     real, imag = open_loop.real, open_loop.imag
     up, down = float("inf"), float("-inf")
     for k in np.flatnonzero(imag[:-1] * imag[1:] < 0.0):
-        share = imag[k] / (imag[k] - imag[k + 1])
-        where = real[k] + share * (real[k + 1] - real[k])
+        fraction = imag[k] / (imag[k] - imag[k + 1])
+        where = real[k] + fraction * (real[k + 1] - real[k])
         if where < 0.0:
             gain = -20.0 * log10(-where)
             if gain >= 0.0:
@@ -230,12 +230,12 @@ def _phase_margin(radps: Matrix, open_loop: Complex) -> tuple[float, float]:
     size = np.log(np.abs(open_loop))
     phase, delay = float("inf"), float("inf")
     for k in np.flatnonzero(size[:-1] * size[1:] < 0.0):
-        share = size[k] / (size[k] - size[k + 1])
-        there = open_loop[k] * (open_loop[k + 1] / open_loop[k]) ** share
+        fraction = size[k] / (size[k] - size[k + 1])
+        there = open_loop[k] * (open_loop[k + 1] / open_loop[k]) ** fraction
         angle = float(np.angle(-there))  # from -1; positive: what lag would use up
         phase = min(phase, abs(np.degrees(angle)))
         lag = angle if angle > 0.0 else angle + 2.0 * pi
-        delay = min(delay, lag / float(radps[k] ** (1.0 - share) * radps[k + 1] ** share))
+        delay = min(delay, lag / float(radps[k] ** (1.0 - fraction) * radps[k + 1] ** fraction))
     return phase, delay
 
 

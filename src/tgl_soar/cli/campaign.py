@@ -193,9 +193,12 @@ def _print_two(two: report.TwoCampaigns, first: Path, second: Path) -> None:
     shown = Table(two.by, str(first), "95 % interval", str(second), "95 % interval", "")
     for row in two.rows:
         cells = []
-        for share in row.shares:
-            low, high = share.interval
-            cells += [f"{share.counted} of {share.of}", f"{100 * low:.3g} to {100 * high:.3g} %"]
+        for fraction in row.fractions:
+            low, high = fraction.interval
+            cells += [
+                f"{fraction.counted} of {fraction.of}",
+                f"{100 * low:.3g} to {100 * high:.3g} %",
+            ]
         shown.add_row(row.name, *cells, "apart" if row.is_apart else "")
     console.print(f"{two.of} {two.counted}, by {two.by or 'nothing'}")
     show(shown)

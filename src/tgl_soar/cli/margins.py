@@ -61,7 +61,7 @@ def margins(
         best = values["DYN_BEST"]
         cases = found.grid(
             values,
-            speed or [round(share * best, 1) for share in (0.9, 1.0, 1.3)],
+            speed or [round(fraction * best, 1) for fraction in (0.9, 1.0, 1.3)],
             lean or [values["TGL_LEAN"]],
             [ms / 1e3 for ms in delay] if delay else [values["CMD_DELAY"]],
         )

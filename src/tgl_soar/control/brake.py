@@ -236,11 +236,11 @@ def brake_step(
     law = _law(gains, most)
     error = sinks * (speed - moves - back)
     pid, terms = pid_step(law, state.pid, error, 0.0, gains.bias * most, dt_s, around.blocked)
-    share = dt_s / (OUTSIDE_S + dt_s)
+    gain = dt_s / (OUTSIDE_S + dt_s)
     asked = terms.output / most
     end = _end(error, asked, around.room)
-    ended = state.ended + (end - state.ended) * share
-    mean = state.mean + (asked - state.mean) * share
+    ended = state.ended + (end - state.ended) * gain
+    mean = state.mean + (asked - state.mean) * gain
     weight = min(1.0, state.weight + fade)
     even, trial, shake = state.even, state.trial, state.shake
     if weight == 1.0 and abs(around.brake - state.brake) < FOLLOWS:
@@ -392,5 +392,5 @@ def _point_step(
     to_z = state.ordered_z_m + state.given_way_m * sin(target.eta_rad) - z
     distance = hypot(to_x, to_z)
     most_m = gains.speed_max_mps * dt_s
-    share = most_m / distance if distance > most_m else 1.0
-    return x + share * to_x, z + share * to_z, share * to_x, share * to_z
+    fraction = most_m / distance if distance > most_m else 1.0
+    return x + fraction * to_x, z + fraction * to_z, fraction * to_x, fraction * to_z

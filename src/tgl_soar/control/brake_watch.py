@@ -129,17 +129,17 @@ def even_step(state: EvenState, brake: float, aileron: float, dt_s: float) -> Ev
         return state
     gain = dt_s / (WATCH_S + dt_s)
     watched = state.watched + (1.0 - state.watched) * gain
-    share = gain / watched  # 1 at first: the mean of what has come so far
-    nearer = max(share, dt_s / (MEAN_S + dt_s))
+    weight = gain / watched  # 1 at first: the mean of what has come so far
+    nearer = max(weight, dt_s / (MEAN_S + dt_s))
     mean_brake = state.brake + nearer * (brake - state.brake)
     mean_aileron = state.aileron + nearer * (aileron - state.aileron)
     b, a = brake - mean_brake, aileron - mean_aileron
     return EvenState(
         brake=mean_brake,
         aileron=mean_aileron,
-        brake_2=state.brake_2 + share * (b * b - state.brake_2),
-        both=state.both + share * (a * b - state.both),
-        aileron_2=state.aileron_2 + share * (a * a - state.aileron_2),
+        brake_2=state.brake_2 + weight * (b * b - state.brake_2),
+        both=state.both + weight * (a * b - state.both),
+        aileron_2=state.aileron_2 + weight * (a * a - state.aileron_2),
         watched=watched,
     )
 

@@ -176,8 +176,8 @@ def elevator_limit(limits: EnvelopeLimits, trim: float, margin_rad: float) -> fl
     """The furthest that the elevator may go up."""
     if margin_rad >= MARGIN_FULL:
         return limits.deflection_max
-    share = max(0.0, margin_rad / MARGIN_FULL)
-    return trim + (limits.deflection_max - trim) * share
+    fraction = max(0.0, margin_rad / MARGIN_FULL)
+    return trim + (limits.deflection_max - trim) * fraction
 
 
 def limit_surfaces(

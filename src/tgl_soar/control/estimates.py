@@ -130,7 +130,7 @@ def estimate(
             cross_wind = cross_wind_step(laws.cross_wind, cross_wind, vehicle, air, dt_s)
         air = air._replace(cross_wind_mps=cross_wind)
     glide = NAN
-    if laws.pitch_trim.share > 0.0:
+    if laws.pitch_trim.fraction > 0.0:
         glide = glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps)
     trim, gust = trim_step(
         laws.pitch_trim, before.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s

@@ -136,7 +136,9 @@ LOOK_ABOVE_M: Final = 2.0  # 1.4 s to turn back in
 STEEPER: Final = 0.5
 STEEP_MPS: Final = 1.0  # of sigma: the best glide is 1.5 m/s faster than a stall
 STEEP_MAX_RAD: Final = radians(20.0)  # of a bank that is made steeper: 1.03 of the stall's speed
-STEEP_SHARE: Final = 0.5  # of TILT_MAX, likewise: gusts and what a bank overshoots have the other
+STEEP_FRACTION: Final = (
+    0.5  # of TILT_MAX, likewise: gusts and what a bank overshoots have the other
+)
 STEEP_ABOVE_M: Final = 4.0  # 8.5 m over the place: three seconds to be level in before the rest
 STEEP_WITHIN_M: Final = 2.0
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
@@ -197,7 +199,7 @@ class LandingParams(NamedTuple):
     speed_min_mps: float
     heading_max_rad: float
     sigmas: float  # of the wind, against which the way home is reckoned
-    wind_share: float  # of the wind that is met, on the way home
+    wind_fraction: float  # of the wind that is met, on the way home
     glide_pitch_rad: float  # where the airframe's is not known
     side_max_m: float  # of the fence: no weave is meant to go farther to either side
     tilt_max_rad: float  # beyond it the envelope hands over
@@ -303,8 +305,8 @@ def escape_height(params: LandingParams, vehicle: VehicleState, air: AirEstimate
     place = params.place
     distance = along(place, vehicle.x_m, vehicle.y_m)
     height = vehicle.z_m - place.z_m
-    wind = params.wind_share * air.wind_mps + params.sigmas * air.wind_sigma_mps
-    cross = params.wind_share * cross_wind(air)
+    wind = params.wind_fraction * air.wind_mps + params.sigmas * air.wind_sigma_mps
+    cross = params.wind_fraction * cross_wind(air)
     if not (place.length_m > 0.0 and distance + height + wind + air.airspeed_mps < INFINITE):
         return NAN
     low, high = slowest(params), params.polar.speed_max_mps
@@ -594,5 +596,5 @@ def _steeper(
 
 def steeper_bank(params: LandingParams, bank_rad: float, steeper: float) -> float:
     """The largest bank [rad], made steeper within these bounds, where it is not more already."""
-    most = min(STEEP_MAX_RAD, STEEP_SHARE * params.tilt_max_rad)
+    most = min(STEEP_MAX_RAD, STEEP_FRACTION * params.tilt_max_rad)
     return max(bank_rad, min(most, bank_rad * (1.0 + steeper)))

@@ -47,7 +47,7 @@ LAST_S: Final = 0.5  # of what it is given up for
 HAND_M: Final = 4.0
 WALKER_MPS: Final = 2.5
 EVIDENT_S: Final = 1.0  # so long must either last
-HAND_SHARE: Final = 0.5  # of the clearance in the hand: whoever stands on the slope is low
+HAND_FRACTION: Final = 0.5  # of the clearance in the hand: whoever stands on the slope is low
 LONGEST_S: Final = 60.0  # of the way to the line
 
 # How a launch stands.
@@ -146,7 +146,7 @@ def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: floa
     push *= exp(-dt_s / PUSH_S)
     if forward == forward and now - view.imu.time_s <= PUSH_AGE_S:  # false for NaN
         push += forward * dt_s
-    low = min(view.clearance_min_m, HAND_SHARE * view.clearance_m)
+    low = min(view.clearance_min_m, HAND_FRACTION * view.clearance_m)
     state = state._replace(push_mps=push, high_s=now, low_m=low)
     speed = _speed(vehicle) if view.position_ok else 0.0
     if not is_in_no_hand(vehicle, view.position_ok, view.clearance_m):

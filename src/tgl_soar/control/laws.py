@@ -229,7 +229,7 @@ def _landing_params(
         speed_min_mps=values["SPEED_MIN"],
         heading_max_rad=radians(values["PSI_MAX"]),
         sigmas=values["ESC_SIGMA"],
-        wind_share=values["ESC_WIND"],
+        wind_fraction=values["ESC_WIND"],
         glide_pitch_rad=radians(values["REC_PITCH"]),
         side_max_m=values["FENCE_Y_MAX"],
         tilt_max_rad=radians(values["TILT_MAX"]),

@@ -182,8 +182,8 @@ def _lateral_margins(values: ParameterSet, lateral: LateralDynamics) -> tuple[Lo
     laws, late_s = laws_from(values, _HERE), dynamics_of(values).late_s
     found = []
     for inertial in _sets(laws, values):
-        for share in SPEEDS:
-            speed = share * best_mps
+        for fraction in SPEEDS:
+            speed = fraction * best_mps
             where = _where(values, speed, inertial)
             loop = sideways_flown(laws, lateral, late_s, speed, inertial)
             both = zip(("roll", "heading"), disk_margins(loop), strict=True)
@@ -205,9 +205,9 @@ def _loops(values: ParameterSet) -> tuple[Flown, ...]:
         return ()
     laws, best_mps = laws_from(values, _HERE), values["DYN_BEST"]
     return tuple(
-        flown(laws, values, share * best_mps, values["TGL_LEAN"], inertial)
+        flown(laws, values, fraction * best_mps, values["TGL_LEAN"], inertial)
         for inertial in _sets(laws, values)
-        for share in SPEEDS
+        for fraction in SPEEDS
     )
 
 

@@ -87,7 +87,7 @@ SLOWEST: Final = 0.6
 FASTEST: Final = 2.5
 DAMPING_MIN: Final = 0.2  # of d; 0.5 is the least that was tested
 DAMPING_MAX: Final = 1.2
-LAG_SHARE: Final = 0.5  # of T: how much of a delay a lag is
+LAG_FRACTION: Final = 0.5  # of T: how much of a delay a lag is
 # Of lateness f, of damping d, and of speed v: in the stiffness M kp of the pitch loop, in its rate
 # gain M kd, in the line's crossover.
 STIFF_LATE: Final = 0.95
@@ -220,7 +220,7 @@ def schedule_of(
 def lateness(airframe: Dynamics) -> float:
     """T: what delays the loop as a pure delay of that length would."""
     lag_s = min(airframe.lag_s, airframe.late_s)  # a lag is part of what is late
-    return airframe.late_s - (1.0 - LAG_SHARE) * lag_s + HOLD_S
+    return airframe.late_s - (1.0 - LAG_FRACTION) * lag_s + HOLD_S
 
 
 def age_step(before_s: float, age_s: float, dt_s: float) -> float:

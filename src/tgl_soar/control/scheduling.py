@@ -3,7 +3,7 @@
     k = k_plain + s (k_imu - k_plain),   0 <= s <= 1
 
 With accelerations the estimated velocity is early and quiet, and the loops can be twice as stiff;
-the same gains on a velocity made of late fixes have no margin.  The share s follows what the
+the same gains on a velocity made of late fixes have no margin.  The weight s follows what the
 estimator says that it has, slowly up, and down before a track without accelerations is wrong.
 
 No command steps when s does: integrals are in the unit of the output whatever the gain, and P
@@ -22,14 +22,14 @@ DOWN_PER_S: Final = 10.0
 
 
 def weight_step(weight: float, inertial: bool, dt_s: float) -> float:
-    """The share s a tick later; inertial: accelerations are in use."""
+    """The weight s a tick later; inertial: accelerations are in use."""
     if inertial:
         return min(1.0, weight + UP_PER_S * dt_s)
     return max(0.0, weight - DOWN_PER_S * dt_s)
 
 
 def pid_between(plain: PidGains, imu: PidGains, weight: float) -> PidGains:
-    """The gains at a share; limits are those of both."""
+    """The gains at a weight; limits are those of both."""
     if weight <= 0.0:
         return plain
     if weight >= 1.0:
@@ -47,7 +47,7 @@ def pid_between(plain: PidGains, imu: PidGains, weight: float) -> PidGains:
 
 
 def soaring_between(plain: SoaringGains, imu: SoaringGains, weight: float) -> SoaringGains:
-    """The soaring law's gains at a share; the slew rate is that of both."""
+    """The soaring law's gains at a weight; the slew rate is that of both."""
     if weight <= 0.0:
         return plain
     if weight >= 1.0:

@@ -11,7 +11,7 @@ theta_0 is a constant, or moves towards the pitch of a steady glide at the local
 slowly (first order, `trim_s`), so that nothing steps; gusts of updraft w' beyond the slow one
 may be met by the incidence that they make:
 
-    d theta_0/dt = (trim + share (theta_glide − trim) − theta_0) / trim_s
+    d theta_0/dt = (trim + fraction (theta_glide − trim) − theta_0) / trim_s
     theta_gust   = −gust_share w' / V
 """
 
@@ -42,7 +42,7 @@ class TrimGains(NamedTuple):
     """What theta_0 is made of."""
 
     trim_pitch_rad: float
-    share: float  # of the glide's pitch in it, 0 … 1
+    fraction: float  # of the glide's pitch in it, 0 … 1
     trim_s: float  # time in which theta_0 follows
     gust_fraction: float  # of a gust's incidence that is taken out, 0 … 1
 
@@ -65,8 +65,8 @@ def trim_step(
     """One step; also theta_gust.  What is NaN is not known: theta_0 stays, and no gust is met."""
     blend = dt_s / (gains.trim_s + dt_s)
     wanted = gains.trim_pitch_rad
-    if gains.share > 0.0:
-        wanted += gains.share * (glide_pitch_rad - gains.trim_pitch_rad)
+    if gains.fraction > 0.0:
+        wanted += gains.fraction * (glide_pitch_rad - gains.trim_pitch_rad)
     pitch = state.pitch_rad
     if not isfinite(pitch):
         pitch = wanted if isfinite(wanted) else gains.trim_pitch_rad

@@ -297,10 +297,10 @@ def _turned(state: SurveyState, line: LineTracking, reason: int) -> SurveyState:
 
 def _averaged(state: SurveyState, look: SurveyLook, dt_s: float) -> SurveyMeans:
     """The means, a look later."""
-    old, share, long = state.means, dt_s / (MEAN_S + dt_s), dt_s / (TREND_S + dt_s)
+    old, gain, long = state.means, dt_s / (MEAN_S + dt_s), dt_s / (TREND_S + dt_s)
     line_q, s = _way(state.start, look.line), _along(state.start, look.x_m, look.z_m)
-    q_m = old.q_m + share * (line_q - old.q_m)
-    s_m = old.s_m + share * (s - old.s_m)
+    q_m = old.q_m + gain * (line_q - old.q_m)
+    s_m = old.s_m + gain * (s - old.s_m)
     q_long = old.q_long_m + long * (line_q - old.q_long_m)
     s_long = old.s_long_m + long * (s - old.s_long_m)
     drift = s - s_m
@@ -311,11 +311,11 @@ def _averaged(state: SurveyState, look: SurveyLook, dt_s: float) -> SurveyMeans:
     return SurveyMeans(
         q_m=q_m,
         s_m=s_m,
-        airspeed_mps=_mean(old.airspeed_mps, look.airspeed_mps, share),
-        stall_rad=_mean(old.stall_rad, _finite(look.stall_rad), share),
-        return_per_s=_mean(old.return_per_s, _return_rate(look), share),
-        chance=_mean(old.chance, look.forecast.chance, share),
-        climb_mps=_mean(old.climb_mps, look.climb_mps, share),
+        airspeed_mps=_mean(old.airspeed_mps, look.airspeed_mps, gain),
+        stall_rad=_mean(old.stall_rad, _finite(look.stall_rad), gain),
+        return_per_s=_mean(old.return_per_s, _return_rate(look), gain),
+        chance=_mean(old.chance, look.forecast.chance, gain),
+        climb_mps=_mean(old.climb_mps, look.climb_mps, gain),
         q_long_m=q_long,
         s_long_m=s_long,
         climb_long_mps=_mean(old.climb_long_mps, look.climb_mps, long),
@@ -324,11 +324,11 @@ def _averaged(state: SurveyState, look: SurveyLook, dt_s: float) -> SurveyMeans:
     )
 
 
-def _mean(old: float, new: float, share: float) -> float:
+def _mean(old: float, new: float, gain: float) -> float:
     """A mean, one value later; what is not a number now leaves it, or begins it."""
     if not isfinite(new):
         return old
-    return old + share * (new - old) if isfinite(old) else new
+    return old + gain * (new - old) if isfinite(old) else new
 
 
 def _odd(task: SurveyTask, means: SurveyMeans, look: SurveyLook) -> int:

@@ -79,7 +79,7 @@ class ThrottleState(NamedTuple):
 
     standing: int
     called: int  # by what; as long as it is open, what it was opened for
-    share: float  # that is sent, 0 … 1
+    fraction: float  # that is sent, 0 … 1
     turns: float  # what the propeller makes of it, by its lag
     push_mps2: float  # T / m, now
     climb_mps: float  # p, now
@@ -107,7 +107,7 @@ class ThrottleReport(NamedTuple):
 
     standing: int  # 0 off, 1 closed, 2 open, 3 the budget is used up
     called: int  # 0 by nothing, 1 no place to settle, 2 the way home, 3 low and sinking
-    share: float  # that is sent, 0 … 1
+    fraction: float  # that is sent, 0 … 1
     used_s: float  # of full throttle, in this flight
     climb_mps: float  # p, that the propeller gives
 
@@ -115,7 +115,7 @@ class ThrottleReport(NamedTuple):
 NO_THROTTLE: Final = ThrottleState(
     standing=OFF,
     called=NOT_CALLED,
-    share=0.0,
+    fraction=0.0,
     turns=0.0,
     push_mps2=0.0,
     climb_mps=0.0,
@@ -141,25 +141,25 @@ def throttle_step(
     quiet_s = 0.0 if called != NOT_CALLED else state.quiet_s + dt_s
     was_open = state.standing == OPEN and state.called != NOT_CALLED
     goes_on = called != NOT_CALLED or (was_open and quiet_s < HOLD_S)
-    wanted, integral = state.share - FADE_PER_S * dt_s, 0.0
+    wanted, integral = state.fraction - FADE_PER_S * dt_s, 0.0
     if goes_on:
         most_mps, error = params.most * full_mps, CLIMB_MPS - view.climb_mps
         integral = state.integral_mps + INTEGRAL_PER_S * error * dt_s
         integral = max(0.0, min(most_mps, integral))
         wanted = (GAIN * error + integral) / full_mps
-    share = limit_throttle(state.share, wanted, params.most, dt_s)
-    if share * dt_s > left_s:
-        share = left_s / dt_s
-    turns = _turns(params, state.turns, share, dt_s)
+    fraction = limit_throttle(state.fraction, wanted, params.most, dt_s)
+    if fraction * dt_s > left_s:
+        fraction = left_s / dt_s
+    turns = _turns(params, state.turns, fraction, dt_s)
     push = turns * _push_of_all(params, view.airspeed_mps)
-    used_s = state.used_s + share * dt_s
-    standing = OPEN if share > 0.0 or goes_on else CLOSED
+    used_s = state.used_s + fraction * dt_s
+    standing = OPEN if fraction > 0.0 or goes_on else CLOSED
     if not used_s < params.budget_s:
         used_s, standing = params.budget_s, USED_UP
     return ThrottleState(
         standing=standing,
         called=called if called != NOT_CALLED or not goes_on else state.called,
-        share=share,
+        fraction=fraction,
         turns=turns,
         push_mps2=push,
         climb_mps=push * view.airspeed_mps / GRAVITY_MPS2,
@@ -181,7 +181,7 @@ def closed(params: ThrottleParams, state: ThrottleState, dt_s: float) -> Throttl
     return ThrottleState(
         standing=standing,
         called=NOT_CALLED,
-        share=0.0,
+        fraction=0.0,
         turns=turns,
         push_mps2=state.push_mps2 * still,
         climb_mps=state.climb_mps * still,
@@ -224,10 +224,10 @@ def _push_of_all(params: ThrottleParams, airspeed_mps: float) -> float:
     return params.thrust_mps2 * min(1.0, max(0.0, 1.0 - airspeed_mps / params.speed_mps))
 
 
-def _turns(params: ThrottleParams, turns: float, share: float, dt_s: float) -> float:
+def _turns(params: ThrottleParams, turns: float, fraction: float, dt_s: float) -> float:
     """What the propeller turns at: a first-order lag, and nothing below a thousandth."""
-    turns += (share - turns) * dt_s / max(dt_s, params.lag_s) if dt_s > 0.0 else 0.0
-    return turns if turns > 1e-3 or share > 0.0 else 0.0
+    turns += (fraction - turns) * dt_s / max(dt_s, params.lag_s) if dt_s > 0.0 else 0.0
+    return turns if turns > 1e-3 or fraction > 0.0 else 0.0
 
 
 def throttle_report(state: ThrottleState) -> ThrottleReport:
@@ -235,7 +235,7 @@ def throttle_report(state: ThrottleState) -> ThrottleReport:
     return ThrottleReport(
         standing=state.standing,
         called=state.called,
-        share=state.share,
+        fraction=state.fraction,
         used_s=state.used_s,
         climb_mps=state.climb_mps,
     )

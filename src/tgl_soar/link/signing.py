@@ -62,7 +62,7 @@ COMMANDS: Final = frozenset((75, 76, 23, 256, 11, 69, 70))
 _MARKER_V2: Final = 0xFD
 _SIGNED: Final = 0x01
 _HEADER: Final = 10
-_SHARE: Final = 6  # bytes of the hash that are sent
+_FRACTION: Final = 6  # bytes of the hash that are sent
 _BLOCK: Final = 13  # link id, timestamp, signature
 
 
@@ -203,7 +203,7 @@ class Signing:
 
     @staticmethod
     def _is_ours(frame: bytes, key: bytes) -> bool:
-        return hmac.compare_digest(_signature(frame[:-_SHARE], key), frame[-_SHARE:])
+        return hmac.compare_digest(_signature(frame[:-_FRACTION], key), frame[-_FRACTION:])
 
 
 def _latest(wall_s: float) -> int:
@@ -232,7 +232,7 @@ def _stream_of(frame: bytes) -> tuple[int, Source]:
 
 def _signature(frame: bytes, key: bytes) -> bytes:
     """Of all that stands before it."""
-    return hashlib.sha256(key + frame).digest()[:_SHARE]
+    return hashlib.sha256(key + frame).digest()[:_FRACTION]
 
 
 def _is_signed(frame: bytes) -> bool:
@@ -246,4 +246,4 @@ def _number(frame: bytes) -> int:
 
 
 def _timestamp(frame: bytes) -> int:
-    return int.from_bytes(frame[-_BLOCK + 1 : -_SHARE], "little")
+    return int.from_bytes(frame[-_BLOCK + 1 : -_FRACTION], "little")

@@ -42,7 +42,7 @@ class GnssWatch:
             self._is_reported = False
             self._outbox.tell(SEVERITY_INFO, "the receiver is accurate enough again")
 
-    def _worse(self, now_s: float, share: float) -> str:
+    def _worse(self, now_s: float, fraction: float) -> str:
         """What is worse than a share of what is allowed."""
         if not self._accuracy.counts:
             return ""
@@ -51,6 +51,6 @@ class GnssWatch:
             self._accuracy.known(now_s), ("GPS_ACC_H", "GPS_ACC_V"), ("", " up"), strict=True
         )
         for sigma_m, name, where in figures:
-            if values[name] > 0.0 and sigma_m > share * values[name]:  # false for NaN
+            if values[name] > 0.0 and sigma_m > fraction * values[name]:  # false for NaN
                 return f"receiver uncertain by {sigma_m:.1f} m{where}: above {name}"
         return ""

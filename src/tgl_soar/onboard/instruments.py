@@ -216,7 +216,7 @@ def slow_value(
         output.command.brake,
         output.passage.height_left_m,
         output.passage.time_left_s if isfinite(output.passage.time_left_s) else NAN,
-        output.throttle.share,
+        output.throttle.fraction,
         output.throttle.used_s,
     )[turn]
 

@@ -55,8 +55,8 @@ class SurfaceControl:
         if output.active and is_finite_command(output, self._loops):
             if not self.is_active:
                 self._before_first()
-            share = output.throttle.share
-            self._outbox.command(self._flavour.commands(output.command, output.setpoints, share))
+            fraction = output.throttle.fraction
+            self._outbox.command(self._flavour.commands(output.command, output.setpoints, fraction))
             self._counters.surface_frames += 1
             self._releases = 0
         elif self.is_active and not output.active:

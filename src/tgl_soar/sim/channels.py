@@ -89,8 +89,8 @@ def pwm_from_deflection(surface: Surface, deflection: float) -> int:
 
 def throttle_from_pwm(throttle: Throttle, pwm: float) -> float:
     """What the motor is commanded at a pulse width, 0 … 1; 0 where there is none."""
-    share = (pwm - throttle.pwm_min) / (throttle.pwm_max - throttle.pwm_min)
-    return min(1.0, max(0.0, share))
+    fraction = (pwm - throttle.pwm_min) / (throttle.pwm_max - throttle.pwm_min)
+    return min(1.0, max(0.0, fraction))
 
 
 def deflections_of(surfaces: Surfaces, command: SurfaceCommand) -> tuple[float, ...]:

@@ -100,7 +100,7 @@ class ClosedLoop:
         if self._link is not None and self._injection is not None:
             acting = self._link.surfaces(now, output.command if output.active else None)
             acting = self._injection.surfaces(now, acting, self._dt_s)
-        world.throttle = output.throttle.share
+        world.throttle = output.throttle.fraction
         world.step(acting)
         return output
 

@@ -117,7 +117,7 @@ def _for(default: float, low: float, high: float) -> Number:
     )
 
 
-def _share(default: float, low: float, high: float) -> Number:
+def _fraction(default: float, low: float, high: float) -> Number:
     return Number(
         name="share",
         unit="",
@@ -179,17 +179,17 @@ def _ways(of: str, passing: str) -> list[FaultKind]:
         FaultKind(
             f"{of}.reorder",
             f"some {passing} are overtaken by later ones",
-            (_START, lasting, _share(0.2, 0.05, 0.5), _late(0.05, 0.01, 0.2, "overtaken by")),
+            (_START, lasting, _fraction(0.2, 0.05, 0.5), _late(0.05, 0.01, 0.2, "overtaken by")),
         ),
         FaultKind(
             f"{of}.duplicate",
             f"some {passing} arrive twice",
-            (_START, lasting, _share(0.3, 0.05, 1.0), _late(0.02, 0.0, 0.1, "the second later")),
+            (_START, lasting, _fraction(0.3, 0.05, 1.0), _late(0.02, 0.0, 0.1, "the second later")),
         ),
         FaultKind(
             f"{of}.loss",
             f"some {passing} never arrive",
-            (_START, lasting, _share(0.2, 0.02, 0.6)),
+            (_START, lasting, _fraction(0.2, 0.02, 0.6)),
         ),
     ]
     return kinds
@@ -204,7 +204,7 @@ def _lies(of: str, passing: str) -> list[FaultKind]:
         FaultKind(
             f"{of}.nan",
             f"some {passing} are not numbers",
-            (_START, lasting, _share(0.5, 0.02, 1.0)),
+            (_START, lasting, _fraction(0.5, 0.02, 1.0)),
         ),
     ]
 
@@ -366,7 +366,7 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
     FaultKind(
         "link.corrupt",
         "bits of some datagrams are turned, both ways",
-        (_START, _for(3.0, 0.5, 6.0), _share(0.2, 0.02, 0.6)),
+        (_START, _for(3.0, 0.5, 6.0), _fraction(0.2, 0.02, 0.6)),
     ),
     FaultKind("link.down", "nothing of the autopilot arrives", (_START, _for(0.3, 0.02, 4.0))),
     FaultKind("link.up", "nothing arrives at the autopilot", (_START, _for(0.3, 0.02, 2.0))),

@@ -166,7 +166,7 @@ def row_of(
         point=float(output.point.standing),
         point_off_m=output.point.off_m,
         height_left_m=output.passage.height_left_m,
-        throttle=output.throttle.share,
+        throttle=output.throttle.fraction,
     )
 
 
@@ -195,7 +195,7 @@ def fly_to_look(
             held = False
         rows[n] = row_of(now, world.aircraft, world.wind, output, target_changes)
         n += 1
-        world = world._replace(throttle=output.throttle.share)
+        world = world._replace(throttle=output.throttle.fraction)
         world = world_step(parts, world, n, command, held)
         if world.crashed:
             standing = CRASHED

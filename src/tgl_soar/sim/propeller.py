@@ -39,8 +39,8 @@ def thrust(model: Driven, throttle: float, forward_mps: float) -> float:
     """Thrust [N] at a throttle above 0, in air that comes at a speed along the nose."""
     if not (model.propeller_thrust_n > 0.0 and model.propeller_speed_mps > 0.0):
         return 0.0
-    share = min(1.0, max(0.0, 1.0 - forward_mps / model.propeller_speed_mps))
-    return throttle * share * model.propeller_thrust_n
+    fraction = min(1.0, max(0.0, 1.0 - forward_mps / model.propeller_speed_mps))
+    return throttle * fraction * model.propeller_thrust_n
 
 
 def spun(model: Driven, throttle: float, wanted: float, dt_s: float) -> float:

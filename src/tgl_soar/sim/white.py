@@ -70,11 +70,16 @@ class DriftingRows:
     """Rows as needed whose first numbers drift: see `with_drift`."""
 
     def __init__(
-        self, rows: Rows, steps: Rows, start: Sequence[float], sizes: Sequence[float], share: float
+        self,
+        rows: Rows,
+        steps: Rows,
+        start: Sequence[float],
+        sizes: Sequence[float],
+        fraction: float,
     ) -> None:
         self._rows, self._steps, self._sizes = rows, steps, sizes
         self._drift = list(start)
-        self._keeps, self._adds = _gauss_markov(share)
+        self._keeps, self._adds = _gauss_markov(fraction)
 
     def __getitem__(self, k: int) -> tuple[float, ...]:
         """Row k.  Errors: ValueError for any but the next."""
@@ -94,23 +99,23 @@ class DriftingRows:
 
 
 def with_drift(
-    rows: Rows, steps: Rows, start: Sequence[float], sizes: Sequence[float], share: float
+    rows: Rows, steps: Rows, start: Sequence[float], sizes: Sequence[float], fraction: float
 ) -> Rows:
     """Rows with a Gauss-Markov process added to each of their first numbers.
 
-    d[0] = start,  d[k] = e^(−share) d[k−1] + √(1 − e^(−2 share)) steps[k],  row + sizes · d: of
-    unit variance from the beginning, where start and steps are white.  share: of the time constant
-    that lies between two rows.
+    d[0] = start,  d[k] = e^(−fraction) d[k−1] + √(1 − e^(−2 fraction)) steps[k],  row + sizes · d:
+    of unit variance from the beginning, where start and steps are white.  fraction: of the time
+    constant that lies between two rows.
     """
     if not isinstance(rows, np.ndarray):
-        return DriftingRows(rows, steps, start, sizes, share)
+        return DriftingRows(rows, steps, start, sizes, fraction)
     assert isinstance(steps, np.ndarray)
-    one_by_one = DriftingRows(rows.tolist(), steps.tolist(), start, sizes, share)
+    one_by_one = DriftingRows(rows.tolist(), steps.tolist(), start, sizes, fraction)
     return np.array([one_by_one[k] for k in range(len(rows))])
 
 
-def _gauss_markov(share: float) -> tuple[float, float]:
-    return exp(-share), sqrt(-expm1(-2.0 * share))
+def _gauss_markov(fraction: float) -> tuple[float, float]:
+    return exp(-fraction), sqrt(-expm1(-2.0 * fraction))
 
 
 def drawn_as_needed(seed: int) -> White:

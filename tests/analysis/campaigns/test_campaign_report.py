@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from tgl_soar.analysis.campaigns.report import (
+    Proportion,
     Report,
     ReportError,
-    Share,
-    TwoShares,
+    TwoProportions,
     beside,
     report,
 )
@@ -112,7 +112,7 @@ def another(tmp_path: Path) -> Path:
 def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> None:
     two = beside(report(folder), report(another))
     assert (two.by, two.of, two.counted) == ("row", "result", "soaring")
-    assert [(row.name, *row.shares) for row in two.rows] == [
+    assert [(row.name, *row.fractions) for row in two.rows] == [
         ("wind", (2, 3), (0, 20)),
         ("gust", (1, 1), (1, 1)),
     ]
@@ -124,7 +124,7 @@ def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("shares", "difference"),
+    ("fractions", "difference"),
     [  # Newcombe's examples (a) to (h) and what his method 10 makes of them.
         (((56, 70), (48, 80)), (0.0524, 0.3339)),
         (((9, 10), (3, 10)), (0.1705, 0.8090)),
@@ -137,11 +137,11 @@ def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> 
     ],
 )
 def test_a_difference_is_told_apart_by_both_intervals(
-    shares: tuple[tuple[int, int], tuple[int, int]], difference: tuple[float, float]
+    fractions: tuple[tuple[int, int], tuple[int, int]], difference: tuple[float, float]
 ) -> None:
-    one, other = Share(*shares[0]), Share(*shares[1])
+    one, other = Proportion(*fractions[0]), Proportion(*fractions[1])
     low, high = difference
-    forth, back = TwoShares("", (one, other)), TwoShares("", (other, one))
+    forth, back = TwoProportions("", (one, other)), TwoProportions("", (other, one))
     assert forth.difference == pytest.approx((low, high), abs=1e-4)
     assert back.difference == pytest.approx((-high, -low), abs=1e-4)
     assert forth.is_apart is back.is_apart is (low > 0.0)
@@ -149,7 +149,7 @@ def test_a_difference_is_told_apart_by_both_intervals(
 
 def test_any_class_may_be_asked_for(folder: Path, another: Path) -> None:
     two = beside(report(folder), report(another), "lost")
-    assert [(row.name, *row.shares) for row in two.rows] == [
+    assert [(row.name, *row.fractions) for row in two.rows] == [
         ("wind", (1, 3), (20, 20)),
         ("gust", (0, 1), (0, 1)),
     ]

@@ -81,14 +81,14 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
     rows = [row.strip("| ").split(" | ") for row in section.splitlines() if row.startswith("| ")]
     told = {row[0]: row[1] for row in rows if len(row) == 3}
 
-    def share(low: float, high: float) -> str:
+    def fraction(low: float, high: float) -> str:
         return f"± {round(100.0 * (high - 1.0)):d} %" if low + high == pytest.approx(2.0) else ""
 
     def ratios(low: float, high: float) -> str:
         return f"× {low:g} to {high:g}"
 
     ranges, bias = RANGES, "bias of accelerometers; of the pitot tube"
-    shares = {
+    fractions = {
         "lift slope and lift at zero incidence": ranges.lift,
         "drag": ranges.drag,
         "inertia": ranges.inertia,
@@ -97,8 +97,8 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
         "mean wind": ranges.wind,
         "what the brake does": ranges.brake,
     }
-    for what, within in shares.items():
-        assert told[what] == share(*within), what
+    for what, within in fractions.items():
+        assert told[what] == fraction(*within), what
     assert told["servo's rate constant"] == ratios(*ranges.servo_lag)
     assert told["length of the turbulence"] == ratios(*ranges.length)
     assert told[bias] == f"{ratios(*ranges.force_bias)}; {ratios(*ranges.pressure_bias)}"

@@ -177,11 +177,11 @@ def test_every_part_of_a_cut_log_replays_by_itself(tmp_path: Path) -> None:
 
 
 @settings(max_examples=8, deadline=None)
-@given(share=st.floats(0.2, 1.0))
-def test_a_log_that_is_cut_off_replays_up_to_the_cut(path: Path, share: float) -> None:
+@given(fraction=st.floats(0.2, 1.0))
+def test_a_log_that_is_cut_off_replays_up_to_the_cut(path: Path, fraction: float) -> None:
     data = path.read_bytes()
     shorter = path.with_name("shorter.bin")
-    shorter.write_bytes(data[: int(share * len(data))])
+    shorter.write_bytes(data[: int(fraction * len(data))])
     log = read_log(shorter)
     result = replay(log, workers=1)
     assert is_the_same(result)

@@ -9,7 +9,7 @@ import pytest
 
 from tgl_soar.analysis.search.flying import Episode
 from tgl_soar.analysis.search.places import place
-from tgl_soar.analysis.search.scoring import Score, interval, score, settling_s, share
+from tgl_soar.analysis.search.scoring import Score, fraction_text, interval, score, settling_s
 
 HILL = place("hill", 3)
 
@@ -83,5 +83,5 @@ def test_intervals_are_clopper_and_pearson_s() -> None:
     assert interval(0, 20) == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 20.0)))
     assert interval(20, 20) == pytest.approx((0.025 ** (1.0 / 20.0), 1.0))
     assert interval(1, 10) == pytest.approx((0.0025286, 0.4450161), abs=1e-6)
-    assert share(1, 10) == "1 of 10 (0–45 %)"
-    assert share(0, 0) == "–"
+    assert fraction_text(1, 10) == "1 of 10 (0–45 %)"
+    assert fraction_text(0, 0) == "–"

@@ -285,13 +285,13 @@ def test_a_map_forgets_in_a_changing_wind() -> None:
     assert lift.at(-6.0, 12.0).wind_sd_mps[0] > before
 
 
-def in_a_wind_that_changes(share_per_s: float, gusts_mps: float, seed: int = 0) -> LiftMap:
+def in_a_wind_that_changes(fraction_per_s: float, gusts_mps: float, seed: int = 0) -> LiftMap:
     """8 s at rest at a place: all winds change by a share in each second, in white gusts."""
     x, z, rng = -5.0, 13.0, np.random.default_rng(seed)
     ground = Ground(1, (0.0,) * GROUND_POINTS, (0.0,) * GROUND_POINTS)
     lift = LiftMap(ground, HILL_BOX, POLAR, read((x, z), 9.0, 1.4, 9.0, 0.0), pitot=True)
     for time_s in np.arange(0.2, 8.0, 0.2).tolist():
-        now = exp(share_per_s * time_s)
+        now = exp(fraction_per_s * time_s)
         u, w = 9.0 * now + rng.normal(0.0, gusts_mps), 1.4 * now + rng.normal(0.0, gusts_mps)
         lift.take(read((x, z), u, w, u, w - float(sink(POLAR, u))))
     return lift

@@ -601,10 +601,10 @@ def test_a_disk_that_does_not_answer_holds_up_nothing(
 
 
 @settings(max_examples=60, deadline=None)
-@given(share=st.floats(0.0, 1.0))
-def test_a_log_cut_anywhere_reads_up_to_the_cut(path: Path, share: float) -> None:
+@given(fraction=st.floats(0.0, 1.0))
+def test_a_log_cut_anywhere_reads_up_to_the_cut(path: Path, fraction: float) -> None:
     data = path.read_bytes()
-    _cut_reads(path, data, int(share * len(data)))
+    _cut_reads(path, data, int(fraction * len(data)))
 
 
 def test_a_log_cut_around_any_boundary_reads_up_to_the_cut(path: Path) -> None:

@@ -110,7 +110,7 @@ class Survival:
     survived: int
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """That flew to the end."""
         return self.survived / self.flights
 
@@ -123,9 +123,9 @@ class Survival:
 def wilson(successes: int, of: int) -> tuple[float, float]:
     """Wilson's score interval of a share, at 95 %."""
     z2 = 1.959964**2
-    share = successes / of
-    centre = (share + z2 / (2 * of)) / (1 + z2 / of)
-    half = sqrt(z2 * (share * (1 - share) / of + z2 / (4 * of * of))) / (1 + z2 / of)
+    fraction = successes / of
+    centre = (fraction + z2 / (2 * of)) / (1 + z2 / of)
+    half = sqrt(z2 * (fraction * (1 - fraction) / of + z2 / (4 * of * of))) / (1 + z2 / of)
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
@@ -419,7 +419,7 @@ def section(counted: Counted, command: str) -> str:
         low, high = s.interval
         lines.append(
             f"| `{s.fault}` | {s.turbulence * 100:g} % | {s.aboard} | {s.flights} |"
-            f" {s.share * 100:.1f} % | {low * 100:.1f} to {high * 100:.1f} % |"
+            f" {s.fraction * 100:.1f} % | {low * 100:.1f} to {high * 100:.1f} % |"
         )
     return "\n".join(lines) + "\n"
 

@@ -24,7 +24,7 @@ USUAL_BY: Final = ("row", "kind", "place", "scenario_title")
 USUAL_OF: Final = ("result", "ended", "up", "rms_e_rho_m", "alpha")
 
 
-class Share(NamedTuple):
+class Proportion(NamedTuple):
     """Flights of one class among those of a group; there is at least one."""
 
     counted: int
@@ -36,11 +36,11 @@ class Share(NamedTuple):
         return wilson(self.counted, self.of)
 
 
-class TwoShares(NamedTuple):
+class TwoProportions(NamedTuple):
     """A group of two campaigns."""
 
     name: str
-    shares: tuple[Share, Share]
+    fractions: tuple[Proportion, Proportion]
 
     @property
     def difference(self) -> tuple[float, float]:
@@ -50,8 +50,8 @@ class TwoShares(NamedTuple):
         for the difference between independent proportions", Statistics in Medicine 17 (1998),
         873-890.
         """
-        (p, q) = (share.counted / share.of for share in self.shares)
-        (p_low, p_high), (q_low, q_high) = (share.interval for share in self.shares)
+        (p, q) = (fraction.counted / fraction.of for fraction in self.fractions)
+        (p_low, p_high), (q_low, q_high) = (fraction.interval for fraction in self.fractions)
         return p - q - hypot(p - p_low, q_high - q), p - q + hypot(p_high - p, q - q_low)
 
     @property
@@ -67,7 +67,9 @@ class TwoCampaigns(NamedTuple):
     by: str
     of: str
     counted: str  # the class whose shares they are
-    rows: list[TwoShares]  # of groups that both have; no sum, as each has its own number of each
+    rows: list[
+        TwoProportions
+    ]  # of groups that both have; no sum, as each has its own number of each
     alone: tuple[list[str], list[str]]  # groups that only one of them has
 
 
@@ -187,8 +189,8 @@ def beside(first: Report, second: Report, counted: str | None = None) -> TwoCamp
         raise ReportError(f"--by {first.by}: the two campaigns have no group in common")
     rows = []
     for name in names:
-        one, other = (Share(each[name][counted], each[name].total()) for each in groups)
-        rows.append(TwoShares(name, (one, other)))
+        one, other = (Proportion(each[name][counted], each[name].total()) for each in groups)
+        rows.append(TwoProportions(name, (one, other)))
     alone = ([n for n in groups[0] if n not in groups[1]], [n for n in groups[1] if n not in names])
     return TwoCampaigns(by=first.by, of=first.of, counted=counted, rows=rows, alone=alone)
 

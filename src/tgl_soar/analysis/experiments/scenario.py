@@ -442,8 +442,8 @@ def place_at_speed_ratio(
                 continue
             least, most = min(least, first, second), max(most, first, second)
             if (first - speed_ratio) * (second - speed_ratio) <= 0.0 and first != second:
-                share = (speed_ratio - first) / (second - first)
-                x, z = part[a] + share * (part[b] - part[a])
+                fraction = (speed_ratio - first) / (second - first)
+                x, z = part[a] + fraction * (part[b] - part[a])
                 found.append((float(x), float(z)))
     if not found:
         raise ZeucError(

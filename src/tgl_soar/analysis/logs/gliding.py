@@ -134,13 +134,13 @@ def _joined(stretches: Sequence[GlideStretch]) -> list[GlideStretch]:
             joined.append(new)
             continue
         whole_s = last.duration_s + new.duration_s
-        share = new.duration_s / whole_s
+        fraction = new.duration_s / whole_s
         joined[-1] = GlideStretch(
-            pitch_rad=last.pitch_rad + share * (new.pitch_rad - last.pitch_rad),
-            speed_mps=last.speed_mps + share * (new.speed_mps - last.speed_mps),
-            sink_mps=last.sink_mps + share * (new.sink_mps - last.sink_mps),
+            pitch_rad=last.pitch_rad + fraction * (new.pitch_rad - last.pitch_rad),
+            speed_mps=last.speed_mps + fraction * (new.speed_mps - last.speed_mps),
+            sink_mps=last.sink_mps + fraction * (new.sink_mps - last.sink_mps),
             duration_s=whole_s,
-            brake=last.brake + share * (new.brake - last.brake),
+            brake=last.brake + fraction * (new.brake - last.brake),
         )
     return joined
 

@@ -34,7 +34,7 @@ from tgl_soar.air.field import FloatArray
 from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.run import fly_all
 
-SHARE: Final = 0.2  # of trajectories that pass a level of the pilot
+FRACTION: Final = 0.2  # of trajectories that pass a level of the pilot
 RUNGS_MOST: Final = 40  # 0.2⁴⁰: rarer than anything that is asked for
 LOST: Final = 0.0
 _PILOT: Final = 1  # streams of a seed
@@ -139,7 +139,7 @@ def pilot_levels(process: Process, effort: int, seed: int, executor: Executor) -
         if not lower:
             raise ValueError(f"no trajectory comes below a margin of {before:g}: fly more of them")
         # One in five, or where fewer go on downwards, all of these.
-        level = max(LOST, lower[min(len(lower), max(1, round(SHARE * effort))) - 1])
+        level = max(LOST, lower[min(len(lower), max(1, round(FRACTION * effort))) - 1])
         levels.append(level)
         if level <= LOST:
             return tuple(levels)

@@ -18,7 +18,7 @@ def campaign_figure(path: Path, report: Report) -> None:
         height = 1.2 + 0.26 * len(report.groups)
         figure, axes = plt.subplots(figsize=(8.0, height), layout="constrained")
         if report.is_counted:
-            _draw_shares(axes, report)
+            _draw_fractions(axes, report)
         else:
             _draw_spreads(axes, report)
         names = [f"{group.name} ({group.flights:,})" for group in report.groups]
@@ -35,13 +35,15 @@ def two_campaigns_figure(path: Path, two: TwoCampaigns, names: tuple[str, str]) 
         figure, axes = plt.subplots(figsize=(9.0, height), layout="constrained")
         for i, (name, colour) in enumerate(zip(names, LEG_COLOURS, strict=False)):
             places = [place + (i - 0.5) * 0.3 for place in range(len(two.rows))]
-            shares = [row.shares[i] for row in two.rows]
-            for place, share in zip(places, shares, strict=True):
-                low, high = share.interval
+            fractions = [row.fractions[i] for row in two.rows]
+            for place, fraction in zip(places, fractions, strict=True):
+                low, high = fraction.interval
                 axes.plot((100.0 * low, 100.0 * high), (place, place), color=colour, lw=1.5)
-            middles = [100.0 * share.counted / share.of for share in shares]
+            middles = [100.0 * fraction.counted / fraction.of for fraction in fractions]
             axes.plot(middles, places, "os"[i], color=colour, ms=4.0, ls="none", label=name)
-        rows = [f"{row.name} ({row.shares[0].of:,}; {row.shares[1].of:,})" for row in two.rows]
+        rows = [
+            f"{row.name} ({row.fractions[0].of:,}; {row.fractions[1].of:,})" for row in two.rows
+        ]
         axes.set_yticks(range(len(rows)), rows, fontsize="small")
         axes.set_ylim(len(two.rows) - 0.5, -0.5)
         axes.set_xlim(-1.0, 101.0)
@@ -50,7 +52,7 @@ def two_campaigns_figure(path: Path, two: TwoCampaigns, names: tuple[str, str]) 
         save(plt, figure, path)
 
 
-def _draw_shares(axes: Any, report: Report) -> None:
+def _draw_fractions(axes: Any, report: Report) -> None:
     left = [0.0] * len(report.groups)
     for i, name in enumerate(report.classes):
         widths = [100.0 * group.classes[name] / group.flights for group in report.groups]

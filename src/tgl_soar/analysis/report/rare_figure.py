@@ -30,13 +30,13 @@ def rare_figure(
         figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.0), layout="constrained")
         ladder_axes, *panels = axes.ravel()
         for rungs in ladders:
-            share, shares, levels = 1.0, [1.0], [1.0]
+            fraction, fractions, levels = 1.0, [1.0], [1.0]
             for rung in rungs:
-                share *= rung.passed / rung.tried
-                shares.append(share if share else float("nan"))
+                fraction *= rung.passed / rung.tried
+                fractions.append(fraction if fraction else float("nan"))
                 levels.append(rung.level)
-            ladder_axes.semilogy(levels, shares, "o-", color=LEG_COLOURS[1], lw=0.8, ms=3.0)
-        ladder_axes.yaxis.set_major_formatter(lambda share, _: f"{share:g}")
+            ladder_axes.semilogy(levels, fractions, "o-", color=LEG_COLOURS[1], lw=0.8, ms=3.0)
+        ladder_axes.yaxis.set_major_formatter(lambda fraction, _: f"{fraction:g}")
         ladder_axes.invert_xaxis()
         ladder_axes.set_xlabel("margin; 0 is lost")
         ladder_axes.set_ylabel("probability to come so far")

@@ -11,7 +11,7 @@ from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.search.flying import Episode
 from tgl_soar.control.supervisor import REASON_NOT_FOUND, REASON_TEXTS
 
-END_SHARE = 0.25  # of the flight planned, over which the last climb is averaged
+END_FRACTION = 0.25  # of the flight planned, over which the last climb is averaged
 END_S = 5.0  # so long it neither climbs nor sinks where it has settled
 SINKS_MPS = -0.06  # a little more than a claim allows: slower than this is settling in gusts
 SETTLED_MPS = 0.10  # over SETTLED_S, from then on for END_S
@@ -54,7 +54,7 @@ def score(episode: Episode) -> Score:
     place, path = episode.place, episode.path
     time, z = path["time_s"], path["z_m"]
     flew_on = not episode.ended and not episode.given_up
-    soared = flew_on and mean_climb(time, z, END_SHARE * place.duration_s) > SINKS_MPS
+    soared = flew_on and mean_climb(time, z, END_FRACTION * place.duration_s) > SINKS_MPS
     over = episode.flown_s
     stood = [t for t, claim in episode.claims if claim]
     last_claim = stood[-1] if stood else inf
@@ -125,7 +125,7 @@ def interval(count: int, of: int, confidence: float = 0.95) -> tuple[float, floa
     return low, high
 
 
-def share(count: int, of: int) -> str:
+def fraction_text(count: int, of: int) -> str:
     """A share in words, with its interval."""
     if of == 0:
         return "–"

@@ -177,8 +177,8 @@ class Baseline:
     def look(self, look: Sighting) -> LineRequest:
         before = self.target
         self.since += look.dt_s
-        share = min(1.0, look.dt_s / climb_s(self.height))
-        self.climb += share * (look.climb_mps - self.climb)
+        fraction = min(1.0, look.dt_s / climb_s(self.height))
+        self.climb += fraction * (look.climb_mps - self.climb)
         self.move(look)
         moved = look.moving.line.moving or self.target != before
         self.still = 0.0 if moved else self.still + look.dt_s

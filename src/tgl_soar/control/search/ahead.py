@@ -157,8 +157,8 @@ def ahead_step(
     lag = np.maximum(airspeed * (-cosine / sine / GRAVITY_MPS2), LAG_LEAST_S)
     pull = airspeed * (speed - now.speed_mps) / (sine * (GRAVITY_MPS2 * dt_s))
     goal = w - scale * sink_at(polar, airspeed) - pull
-    share = dt_s / lag
-    climb = (climb + share * goal) / (1.0 + share)
+    gain = dt_s / lag
+    climb = (climb + gain * goal) / (1.0 + gain)
     x = x + dt_s * (climb * cosine - speed) / sine
     z = z + dt_s * climb
     clear = clearance_at(mesh.floor, x, z) - within.clearance_m

@@ -68,7 +68,7 @@ REFUSED_NEAR: Final = 0.03  # of H: a line this near one that was refused is the
 MOVE_PRICE: Final = 0.05
 FAR_PRICE: Final = 0.2  # for each H that the line is moved: what is far is known least
 LEAN_PRICE: Final = 0.03  # the gains are for the lean that is set
-MARGIN_SHARE: Final = 0.10  # of H
+MARGIN_FRACTION: Final = 0.10  # of H
 HOLDS_S: Final = 300.0
 FLOWN_THROUGH_MPS: Final = 0.3  # under the polar's slowest
 LULL_S: Final = 1.0
@@ -166,7 +166,7 @@ def worths(
 ) -> Floats:
     """The worth of each rollout (m, n); landing_m: the height at which a sinking one is over;
     lull_mps: standard deviation of the wind's means over LULL_S."""
-    margin = np.tanh(np.maximum(out.margin_m, 0.0) / (MARGIN_SHARE * height_m))
+    margin = np.tanh(np.maximum(out.margin_m, 0.0) / (MARGIN_FRACTION * height_m))
     aside = np.tanh(np.maximum(out.speed_margin_mps, 0.0))
     slow = (FLOWN_THROUGH_MPS + lull_mps - out.speed_margin_mps) / FLOWN_THROUGH_MPS
     soaring = 1.0 + 0.3 * margin + 0.2 * aside - UNHELD * np.clip(slow, 0.0, 1.0)

@@ -37,8 +37,8 @@ CLAIM_CHANCE: Final = 0.8
 KEEP_CHANCE: Final = 0.5  # a claim is withdrawn below
 KEEP_CLIMB_MPS: Final = 0.12
 WEAKER_SINK_MPS: Final = 0.02  # so little where a weaker wind would not leave the place
-CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_SHARE of a rollout's horizon:
-CLIMB_SHARE: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
+CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_FRACTION of a rollout's horizon:
+CLIMB_FRACTION: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
 # Chance of the best line: that of one field in eleven, as a rule of a wind a tenth stronger.
 HOPELESS: Final = 0.10
 HOPELESS_S: Final = 2.0  # so long before it is believed
@@ -52,7 +52,7 @@ CEILING_S: Final = LOOK_S  # nothing is needed beyond it
 CEILING_CHANCE: Final = 1.0 / 3.0  # near a limit two to one against it is enough, as in `forecast`
 # Lost by every line within two early plans in a tunnel, as a share of a rollout's horizon, and
 # before it would be believed.
-LOST_SHARE: Final = 0.08
+LOST_FRACTION: Final = 0.08
 GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
 
 
@@ -106,7 +106,7 @@ def keep_worth(state: SearchState) -> float:
 
 def climb_s(height_m: float) -> float:
     """Over how long the climb is averaged [s] in a box of this height [m]."""
-    return max(CLIMB_S, CLIMB_SHARE * horizon_of(height_m))
+    return max(CLIMB_S, CLIMB_FRACTION * horizon_of(height_m))
 
 
 def search_step(
@@ -125,10 +125,10 @@ def search_step(
     carried: power can keep the aircraft from sinking; under_ceiling_m: to the fence's."""
     if state.status == GIVEN_UP:
         return state
-    share = min(1.0, dt_s / climb_s(guards.box.height_m))
+    gain = min(1.0, dt_s / climb_s(guards.box.height_m))
     state = state._replace(
         time_s=state.time_s + dt_s,
-        climb_mps=state.climb_mps + share * (climb_mps - state.climb_mps),
+        climb_mps=state.climb_mps + gain * (climb_mps - state.climb_mps),
         still_s=0.0 if moving else state.still_s + dt_s,
         since_plan_s=state.since_plan_s + dt_s,
     )
@@ -181,7 +181,7 @@ def _soars(state: SearchState, plan: LinePlan | None) -> bool:
 
 def is_lost(plan: LinePlan, height_m: float) -> bool:
     """Whether on every line the aircraft leaves a guard before there is much more to know."""
-    soon_s = min(HOPELESS_S, LOST_SHARE * horizon_of(height_m))
+    soon_s = min(HOPELESS_S, LOST_FRACTION * horizon_of(height_m))
     return plan.most_chance < HOPELESS and plan.lasts_s < soon_s
 
 

@@ -258,8 +258,8 @@ class LiftMap:
         off.append(reading.updraft_mps - float(w @ mean) - float(mean[self.basis.updraft_bias]))
         squares = [value * value for value in off if isfinite(value)]
         if squares:
-            share = min(1.0, max(0.0, reading.since_s) / GUSTS_S)
-            self.gusts_mps2 += share * (sum(squares) / len(squares) - self.gusts_mps2)
+            gain = min(1.0, max(0.0, reading.since_s) / GUSTS_S)
+            self.gusts_mps2 += gain * (sum(squares) / len(squares) - self.gusts_mps2)
 
     def at(self, x_m: ArrayLike, z_m: ArrayLike) -> Predicted:
         """The air at m places: arrays of shape (m,)."""
@@ -329,7 +329,7 @@ class LiftMap:
         """The same (m,) of the rows of `draws`, each with a trend drawn with it: others, m normal
         numbers."""
         rates = np.empty(len(normals))
-        for k, chosen in enumerate(self._shares(len(normals))):
+        for k, chosen in enumerate(self._fractions(len(normals))):
             if chosen.any():
                 rate_per_s, variance, shared = self.trends[k]
                 known = np.linalg.solve(root_of(self.maps[k].covariance), shared)
@@ -338,7 +338,7 @@ class LiftMap:
         result: Floats = np.exp(rates * lasting_s(time_s))
         return result
 
-    def _shares(self, rows: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _fractions(self, rows: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which rows of a sample are of which of the two maps: as many as its weight says."""
         loose = (np.arange(rows) + 0.5) / rows < self.loose
         return ~loose, loose
@@ -349,7 +349,7 @@ class LiftMap:
         Each map has as many rows as its weight says; spread widens them about its mean.
         """
         drawn = np.empty_like(normals)
-        for k, chosen in enumerate(self._shares(len(normals))):
+        for k, chosen in enumerate(self._fractions(len(normals))):
             if chosen.any():
                 mean, covariance = self.maps[k]
                 drawn[chosen] = mean + spread * normals[chosen] @ root_of(covariance).T

@@ -246,10 +246,10 @@ def deflections(channels: SurfaceChannels, servos: Sequence[int]) -> SurfaceComm
     return SurfaceCommand(elevator, aileron, rudder, brake)
 
 
-def throttle_pulse(throttle: ThrottleChannel, share: float) -> int:
+def throttle_pulse(throttle: ThrottleChannel, fraction: float) -> int:
     """Pulse width [us] of a throttle, 0 … 1; what is not a number is closed."""
-    share = min(1.0, share) if share > 0.0 else 0.0  # false for NaN
-    return round(throttle.pwm_min + share * (throttle.pwm_max - throttle.pwm_min))
+    fraction = min(1.0, fraction) if fraction > 0.0 else 0.0  # false for NaN
+    return round(throttle.pwm_min + fraction * (throttle.pwm_max - throttle.pwm_min))
 
 
 def brake_pulses(

@@ -130,6 +130,8 @@ _NAMED: Final = {
     "Output.imu_weight": "imu_share",
     "WindState.posterior": "wind_belief",
     "MotionState.attitude_track": "motion_turning",
+    "ThrottleState.fraction": "throttle_share",
+    "ThrottleReport.fraction": "throttle_share",
     "GlideState.airspeed_error": "passage_glide_turning",
     "LineTracking.e_rho_m": "e_rho_m",
     "LineTracking.e_rho_rate_mps": "e_rho_rate_mps",
@@ -256,7 +258,7 @@ MEANINGS: Final = {
     "Limited.finite": "the last command was finite",
     "ThrottleReport.standing": "0 off, 1 closed, 2 open, 3 the budget is used up",
     "ThrottleReport.called": "by: 0 nothing, 1 no place to settle, 2 way home, 3 low and sinks",
-    "ThrottleReport.share": "what is sent, 0 … 1",
+    "ThrottleReport.fraction": "what is sent, 0 … 1",
     "ThrottleState.standing": "as throttle_standing",
     "ExcitationState.standing": "multisine: 0 none, 1 running, 2 done, 3 … why it ended or did not"
     " begin",

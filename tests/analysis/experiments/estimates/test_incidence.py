@@ -27,9 +27,9 @@ def test_errors_are_reported_for_each_range_of_the_true_angle() -> None:
     read = np.concatenate([np.full(3 * FEWEST, 6.5), np.full(FEWEST, 10.0)])
     read[-FEWEST::4] = np.nan
     low, deep = bands(true, read, LIMIT_DEG)
-    assert (low.low_deg, low.high_deg, low.share) == (4.0, 8.0, 0.75)
+    assert (low.low_deg, low.high_deg, low.fraction) == (4.0, 8.0, 0.75)
     assert (low.mean_deg, low.deviation_deg, low.beyond) == pytest.approx((0.5, 0.0, 0.0))
-    assert (deep.low_deg, deep.high_deg, deep.share) == (16.0, 18.0, 0.25)
+    assert (deep.low_deg, deep.high_deg, deep.fraction) == (16.0, 18.0, 0.25)
     assert deep.mean_deg == pytest.approx(-7.0)
     assert deep.unknown == pytest.approx(0.26, abs=0.01)
 

@@ -150,8 +150,8 @@ def site_for(airframe: Airframe) -> tuple[Site, tuple[float, float]]:
     assert isinstance(site.air, HillAir)
     best = airframe.all_parameters()["DYN_BEST"]
     polar = airframe.polar.as_polar()
-    for share in WINDS:
-        air = replace(site.air, wind_mps=share * best)
+    for fraction in WINDS:
+        air = replace(site.air, wind_mps=fraction * best)
         day = replace(site, air=air, contour=None)
         try:
             return day, place_at_speed_ratio(

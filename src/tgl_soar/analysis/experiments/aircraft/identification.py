@@ -250,10 +250,10 @@ def identification(context: Context) -> Result:
         + tuple(
             Claim(
                 f"the band of {what} holds the truth in {COVERED_LEAST:.0%} or more",
-                bool(share >= COVERED_LEAST),
-                f"in {share:.0%}",
+                bool(fraction >= COVERED_LEAST),
+                f"in {fraction:.0%}",
             )
-            for what, _, _, share, _, _ in rows
+            for what, _, _, fraction, _, _ in rows
         ),
         why=_why(context.dispersion),
         tables=(
@@ -271,9 +271,9 @@ def identification(context: Context) -> Result:
                                 errors.max(),
                             )
                         ),
-                        f"{share:.0%}",
+                        f"{fraction:.0%}",
                     )
-                    for what, errors, _, share, scale, unit in rows
+                    for what, errors, _, fraction, scale, unit in rows
                 ),
             ),
         ),

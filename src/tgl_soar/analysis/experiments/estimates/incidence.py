@@ -33,9 +33,9 @@ WINGS: Final[dict[str, dict[str, float]]] = {
 DEEP_DEG: Final = (16.0, 25.0)  # the limit, 12.6 degrees, and the estimate's deviation beyond
 # Where the wing is stalled the elevator has to be held off. It takes the whole of it 0.1 s to come
 # back, a stall lasts some tenths: four fifths of the time is most of each.
-DEEP_SHARE: Final = 0.8
+DEEP_FRACTION: Final = 0.8
 ATTACHED_DEG: Final = 9.6  # three degrees below the limit, where the setpoint is limited first
-ATTACHED_SHARE: Final = 0.01  # of the time: no nose is pushed down without a cause
+ATTACHED_FRACTION: Final = 0.01  # of the time: no nose is pushed down without a cause
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Band(NamedTuple):
 
     low_deg: float
     high_deg: float
-    share: float  # of all the time
+    fraction: float  # of all the time
     mean_deg: float  # of the error
     deviation_deg: float  # of the error, about its mean
     beyond: float  # of this time, read beyond the limit
@@ -66,17 +66,17 @@ def bands(true_deg: Floats, read_deg: Floats, limit_deg: float) -> list[Band]:
             Band(
                 low_deg=low,
                 high_deg=high,
-                share=count / len(true_deg),
+                fraction=count / len(true_deg),
                 mean_deg=float(np.mean(error)),
                 deviation_deg=float(np.std(error)),
-                beyond=share_beyond(true_deg, read_deg, limit_deg, (low, high)),
+                beyond=fraction_beyond(true_deg, read_deg, limit_deg, (low, high)),
                 unknown=1.0 - len(error) / count,
             )
         )
     return found
 
 
-def share_beyond(
+def fraction_beyond(
     true_deg: Floats, read_deg: Floats, limit_deg: float, between_deg: tuple[float, float]
 ) -> float:
     """Of the time that the true angle lies between two, read beyond the limit; NaN: never there."""
@@ -155,21 +155,21 @@ def incidence(context: Context) -> Result:
 def _claims(read: dict[str, tuple[Floats, Floats]], limit_deg: float) -> list[Claim]:
     claims = []
     for wing, (true, estimate) in read.items():
-        deep = share_beyond(true, estimate, limit_deg, DEEP_DEG)
-        attached = share_beyond(true, estimate, limit_deg, (EDGES_DEG[0], ATTACHED_DEG))
+        deep = fraction_beyond(true, estimate, limit_deg, DEEP_DEG)
+        attached = fraction_beyond(true, estimate, limit_deg, (EDGES_DEG[0], ATTACHED_DEG))
         claims.append(
             Claim(
                 f"a true {DEEP_DEG[0]:g} to {DEEP_DEG[1]:g}° is read beyond the limit in"
-                f" {100 * DEEP_SHARE:g} % of the time or more ({wing})",
-                deep >= DEEP_SHARE,
+                f" {100 * DEEP_FRACTION:g} % of the time or more ({wing})",
+                deep >= DEEP_FRACTION,
                 "never flown" if deep != deep else f"{100 * deep:.0f} %",
             )
         )
         claims.append(
             Claim(
                 f"an attached wing, below {ATTACHED_DEG:g}°, is read beyond it in at most"
-                f" {100 * ATTACHED_SHARE:g} % ({wing})",
-                attached <= ATTACHED_SHARE,
+                f" {100 * ATTACHED_FRACTION:g} % ({wing})",
+                attached <= ATTACHED_FRACTION,
                 f"{100 * attached:.2f} %",
             )
         )
@@ -179,7 +179,7 @@ def _claims(read: dict[str, tuple[Floats, Floats]], limit_deg: float) -> list[Cl
 def _cells(band: Band) -> tuple[str, ...]:
     return (
         f"{band.low_deg:g} to {band.high_deg:g}",
-        f"{100 * band.share:.2f}",
+        f"{100 * band.fraction:.2f}",
         f"{band.mean_deg:+.1f}",
         f"{band.deviation_deg:.1f}",
         f"{100 * band.beyond:.0f}",

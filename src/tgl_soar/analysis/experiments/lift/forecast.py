@@ -183,7 +183,7 @@ def claims(without: dict[str, list[Slid]], having: dict[str, list[Slid]]) -> tup
     """None too late, few wrong."""
     lost = {name: sum(late(s) for s in flights) for name, flights in without.items()}
     wrong = {name: sum(s.foreseen is not None for s in v) for name, v in having.items()}
-    shares = [wrong[name] / len(having[name]) for name in having]
+    fractions = [wrong[name] / len(having[name]) for name in having]
     return (
         Claim(
             f"none is at the clearance unreported more than {REPORTED_S:g} s after it could be"
@@ -193,7 +193,7 @@ def claims(without: dict[str, list[Slid]], having: dict[str, list[Slid]]) -> tup
         ),
         Claim(
             "fewer than 1 % of those that would settle are reported otherwise",
-            all(share < 0.01 for share in shares),
+            all(fraction < 0.01 for fraction in fractions),
             ", ".join(f"{n} of {len(having[name])}, {name}" for name, n in wrong.items()),
         ),
     )
@@ -224,8 +224,8 @@ def _false_row(name: str, flights: list[Slid]) -> tuple[str, ...]:
     said = [FORECAST_TEXTS[s.foreseen.standing] for s in flights if s.foreseen is not None]
     low, high = wilson(len(said), len(flights))
     words = ", ".join(f"{said.count(text)} {text}" for text in dict.fromkeys(said))
-    share = f"{100 * low:.1f} to {100 * high:.1f} %"
-    return (name, f"{len(flights)}", f"{len(said)}", share, words or "–")
+    fraction = f"{100 * low:.1f} to {100 * high:.1f} %"
+    return (name, f"{len(flights)}", f"{len(said)}", fraction, words or "–")
 
 
 # --- the air along a line ----------------------------------------------------------------------

@@ -28,7 +28,7 @@ from tgl_soar.analysis.experiments.lift.forecast import SlidePlace, SlideStart, 
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.flying import Episode, EpisodeFlight, obeyed
 from tgl_soar.analysis.search.places import LAUNCH_WIND_MPS, Kind, SearchPlace, place
-from tgl_soar.analysis.search.scoring import share
+from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.analysis.search.searchers import MapSearch
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
@@ -309,12 +309,12 @@ def _claims(of: Of) -> tuple[Claim, ...]:
                 f"FC_ACT {act}: none ends in the floor while capturing or soaring is reported"
                 f" later than {REPORTED_S:g} s after it could be known",
                 late == 0,
-                share(late, len(without)),
+                fraction_text(late, len(without)),
             ),
             Claim(
                 f"FC_ACT {act}: fewer than 1 % of those that would settle are warned",
                 false < 0.01 * len(having),
-                share(false, len(having)),
+                fraction_text(false, len(having)),
             ),
         ]
     return tuple(claims)
@@ -361,7 +361,7 @@ def _having(of: Of) -> Table:
             flown = of(kind, act, True)
             false = sum(isfinite(row.warned_s) for row in flown)
             floor = sum(isfinite(row.floor_s) for row in flown)
-            rows.append((kind, str(act), share(false, len(flown)), str(floor)))
+            rows.append((kind, str(act), fraction_text(false, len(flown)), str(floor)))
     return Table(
         "A place to settle", ("place", "FC_ACT", "warned wrongly", "in the floor"), tuple(rows)
     )

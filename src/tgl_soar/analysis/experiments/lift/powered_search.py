@@ -19,7 +19,7 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.flying import SEARCHING, EpisodeFlight, Searcher, flown_by
 from tgl_soar.analysis.search.places import PUBLISHED, Kind, SearchPlace, place
-from tgl_soar.analysis.search.scoring import END_SHARE, score, share
+from tgl_soar.analysis.search.scoring import END_FRACTION, fraction_text, score
 from tgl_soar.analysis.search.searchers import MapSearch, searcher
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
@@ -88,7 +88,7 @@ def fly_at(there: SearchPlace, called: str, *, plain: bool = False) -> PoweredFl
 
     flown = score(flown_by(flight, called, who))
     sent = flight.rows[: round(flown.flown_s * flight.world.step_hz), _THROTTLE]
-    last = len(sent) - round(END_SHARE * there.duration_s * flight.world.step_hz)
+    last = len(sent) - round(END_FRACTION * there.duration_s * flight.world.step_hz)
     closed = not bool(np.any(sent[max(0, last) :] > 0.0))
     return PoweredFlown(
         oracle_like=flown.soared,
@@ -140,7 +140,7 @@ def _claim(kind: Kind, flown: Flown) -> Claim:
         f"{kind}: with {BUDGET_S:g} s of throttle soars ≥ {100 * AIM[kind]:.0f} % of what the"
         " oracle soars",
         bool(able) and soared >= AIM[kind] * len(able),
-        share(soared, len(able)),
+        fraction_text(soared, len(able)),
     )
 
 
@@ -153,9 +153,9 @@ def _table(kind: Kind, flown: Flown) -> Table:
         rows.append(
             (
                 name,
-                share(sum(r.soared for r in here), len(here)),
+                fraction_text(sum(r.soared for r in here), len(here)),
                 str(sum(r.oracle_like and not r.soared for r in here)),
-                share(sum(r.false_claim for r in every), len(every)),
+                fraction_text(sum(r.false_claim for r in every), len(every)),
                 str(sum(bool(r.given_up) for r in every)),
                 str(sum(bool(r.ended) for r in every)),
                 f"{np.median(used):.1f}, {np.percentile(used, 90):.1f}",

@@ -33,7 +33,7 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.flying import Episode, Searcher, fly_episode
 from tgl_soar.analysis.search.places import DURATION_S, PUBLISHED, Kind, SearchPlace, place
-from tgl_soar.analysis.search.scoring import Score, score, share
+from tgl_soar.analysis.search.scoring import Score, fraction_text, score
 from tgl_soar.analysis.search.searchers import SEARCHERS, MapSearch, searcher
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
@@ -214,7 +214,7 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
             both, there = _soared(scores, kind, MAP, group)
             words = "" if group is everywhere else f", {group.name}"
             text = f"soars ≥ {100 * group.soared:.0f} % of what the oracle soars{words}"
-            claims.append(Claim(text, both >= group.soared * there, share(both, there)))
+            claims.append(Claim(text, both >= group.soared * there, fraction_text(both, there)))
     with_pitot, there = _soared(scores, kind, MAP, everywhere)
     without, _ = _soared(scores, kind, NO_PITOT, everywhere)
     lost = (with_pitot - without) / max(1, there)
@@ -229,13 +229,13 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
         Claim(
             f"false claims in ≤ {100 * FALSE[kind]:.0f} %",
             false <= FALSE[kind] * len(ours),
-            share(false, len(ours)),
+            fraction_text(false, len(ours)),
         ),
         Claim(
             f"given up in time in ≥ {100 * IN_TIME[kind]:.0f} % where the oracle does not soar",
             in_time >= IN_TIME[kind] * len(nowhere),
-            f"{share(in_time, len(nowhere))}; {above} with those that still flew above the height"
-            " for landing at the end",
+            f"{fraction_text(in_time, len(nowhere))}; {above} with those that still flew above the"
+            " height for landing at the end",
         ),
         Claim(
             f"median settling ≤ {SETTLED_S[kind]:.0f} s",
@@ -286,8 +286,8 @@ def _sooner(kind: Kind, scores: list[Score]) -> Table:
         rows.append(
             (
                 name,
-                share(sum(t <= by_s for t in found), len(seeds)),
-                share(sum(isfinite(t) for t in found), len(seeds)),
+                fraction_text(sum(t <= by_s for t in found), len(seeds)),
+                fraction_text(sum(isfinite(t) for t in found), len(seeds)),
                 _at(_quantile(found, 0.25)),
                 f"{mean(times):.1f}" if times else "–",
                 _difference(longer),
@@ -344,11 +344,11 @@ def _table(kind: Kind, scores: list[Score]) -> Table:
         rows.append(
             (
                 name,
-                share(len(soared), len(seeds)),
+                fraction_text(len(soared), len(seeds)),
                 f"{median(settled):.1f}" if settled and isfinite(median(settled)) else "–",
                 _seconds(_found(scores, kind, name, seeds)).removesuffix(" s"),
-                share(sum(s.false_claim for s in here.values()), len(here)),
-                share(sum(s.in_time for s in nowhere), len(nowhere)),
+                fraction_text(sum(s.false_claim for s in here.values()), len(here)),
+                fraction_text(sum(s.in_time for s in nowhere), len(nowhere)),
                 str(sum(bool(s.ended) for s in here.values())),
                 f"{median(fell):.2f}" if fell else "–",
                 f"{mean(room):+.2f}" if room else "–",
@@ -376,7 +376,7 @@ def _groups(kind: Kind, scores: list[Score]) -> Table:
     """Shares of what the oracle soars, by how the wind changes and where the aircraft begins."""
     names = (MAP, NO_PITOT, START, WALK)
     rows = tuple(
-        (group.name, *(share(*_soared(scores, kind, name, group)) for name in names))
+        (group.name, *(fraction_text(*_soared(scores, kind, name, group)) for name in names))
         for group in GROUPS[kind]
     )
     return Table(f"{kind}: soared, of what the oracle soars", ("places", *names), rows)

@@ -23,7 +23,7 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
 from tgl_soar.analysis.logs.flight_data import Floats
-from tgl_soar.analysis.search.scoring import share
+from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.analysis.survey.drawn import (
     DrawnContour,
     SurveyError,
@@ -209,7 +209,8 @@ def _claims(
         Claim(
             "at 3 % the drawn contours are within 3 cm rms of the true one",
             error <= CLOSE_M,
-            f"{100.0 * error:.1f} cm; {share(sum(o.rms_m <= CLOSE_M for o in drawn), len(drawn))}"
+            f"{100.0 * error:.1f} cm;"
+            f" {fraction_text(sum(o.rms_m <= CLOSE_M for o in drawn), len(drawn))}"
             " of them within 3 cm each",
         ),
         Claim(
@@ -219,7 +220,7 @@ def _claims(
         ),
         Claim(
             "at 3 %, at either pace, every survey comes home, and none is cut short",
-            done == len(gusty), share(done, len(gusty)),
+            done == len(gusty), fraction_text(done, len(gusty)),
         ),
     )  # fmt: skip
 

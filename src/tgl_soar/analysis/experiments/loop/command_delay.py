@@ -39,7 +39,7 @@ class PlaceScore(NamedTuple):
     rms_bank_rad: float
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """That lasted."""
         return self.survived / self.flights
 
@@ -61,7 +61,7 @@ def survival_claim(text: str, scores: Sequence[PlaceScore], least: float) -> Cla
     """Enough of them lasted, at each place."""
     return Claim(
         text,
-        bool(scores) and all(s.share >= least for s in scores),
+        bool(scores) and all(s.fraction >= least for s in scores),
         ", ".join(f"{s.survived} of {s.flights} at {s.place}" for s in scores),
     )
 

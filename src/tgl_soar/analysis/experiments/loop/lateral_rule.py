@@ -108,13 +108,13 @@ def both_answers(job: RuleJob) -> RuleFound:
         Condition(
             model=model,
             servo=servo_params(airframe.model),
-            speed_mps=share * values["DYN_BEST"],
+            speed_mps=fraction * values["DYN_BEST"],
             lean_rad=radians(values["TGL_LEAN"]),
             sensors=sensors,
             command_delay_s=job.link_s,
         )
         for sensors in (Sensors(imu=MEMS_IMU), USUAL_SENSORS)
-        for share in SPEEDS
+        for fraction in SPEEDS
     ]
     return RuleFound(rule, min(disk_margin(lateral_loop(laws, each)) for each in conditions))
 

@@ -62,7 +62,7 @@ SEED: Final = 2027
 GAIN_DB: Final = 6.0
 PHASE_DEG: Final = 45.0
 # A file that is right is refused a lean once in a hundred at most: who meets it may lean by less.
-REFUSED_SHARE: Final = 0.01
+REFUSED_FRACTION: Final = 0.01
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 
 
@@ -179,10 +179,10 @@ def refused(number: int) -> RefusedFound:
 def _least(laws: Laws, values: ParameterSet, lean_deg: float) -> float:
     return min(
         loop_margin.disk_margin(
-            loop_margin.flown(laws, values, share * values["DYN_BEST"], lean_deg, inertial)
+            loop_margin.flown(laws, values, fraction * values["DYN_BEST"], lean_deg, inertial)
         )
         for inertial in (False, True)
-        for share in SPEEDS
+        for fraction in SPEEDS
     )
 
 
@@ -202,8 +202,10 @@ def drawn_margins(job: DrawnJob) -> DrawnFound:
     def least(model: AircraftModel, places: Sequence[tuple[float, float]]) -> float:
         slowest = 1.001 * highest_pitch_glide(model).horizontal_mps
         return min(
-            _drawn_alpha(drawn, model, values, max(slowest, share * values["DYN_BEST"]), lean, job)
-            for share, lean in places
+            _drawn_alpha(
+                drawn, model, values, max(slowest, fraction * values["DYN_BEST"]), lean, job
+            )
+            for fraction, lean in places
         )
 
     return DrawnFound(least(known, near), least(known, far), least(drawn.true, near))
@@ -351,8 +353,9 @@ def drawn_claims(
     )
     return [
         Claim(
-            f"at every lean the rule refuses at most {100 * REFUSED_SHARE:g} % of drawn aircraft",
-            most <= REFUSED_SHARE * len(counted),
+            f"at every lean the rule refuses at most {100 * REFUSED_FRACTION:g} % of drawn"
+            " aircraft",
+            most <= REFUSED_FRACTION * len(counted),
             f"at most {most} of {len(counted)}, at {at:g}°",
         ),
         Claim(

@@ -28,7 +28,7 @@ from tgl_soar.analysis.experiments.result import (
     Table,
     decided,
 )
-from tgl_soar.analysis.search.scoring import interval, share
+from tgl_soar.analysis.search.scoring import fraction_text, interval
 from tgl_soar.config.site import Start
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.supervisor import (
@@ -313,19 +313,20 @@ def _claims(by_kind: dict[str, list[FlownPassage]]) -> tuple[Claim, ...]:
             f"of launches {100 * CAPTURED:g} % or more are captured, or given up and touch down"
             f" {touched}",
             shown(len(good), len(launches), CAPTURED),
-            f"{share(len(good), len(launches))}; captured {sum(e.soars for e in launches)}, given"
-            f" up {sum(e.broke_off for e in launches)}",
+            f"{fraction_text(len(good), len(launches))}; captured {sum(e.soars for e in launches)},"
+            f" given up {sum(e.broke_off for e in launches)}",
         ),
         decided(
             f"of break-offs with height left {100 * LANDED:g} % or more touch down {touched}",
             shown(len(landed), len(promised), LANDED),
-            share(len(landed), len(promised)),
+            fraction_text(len(landed), len(promised)),
         ),
         decided(
             f"in a lull to {LULL:g} of the wind {100 * LANDED:g} % or more soar on, or break off by"
             " themselves and touch down so",
             shown(len(safe), len(lulls), LANDED),
-            f"{share(len(safe), len(lulls))}; soared on {soared}, landed {len(safe) - soared}",
+            f"{fraction_text(len(safe), len(lulls))}; soared on {soared}, landed"
+            f" {len(safe) - soared}",
         ),
     )
 
@@ -380,7 +381,7 @@ def _landings(by_kind: dict[str, list[FlownPassage]]) -> Table:
         rows.append(
             (
                 name,
-                share(sum(e.landed for e in some), len(some)),
+                fraction_text(sum(e.landed for e in some), len(some)),
                 span([e.left_m for e in some]),
                 span([e.broke_at_m for e in some]),
                 span([e.along_m for e in some]),

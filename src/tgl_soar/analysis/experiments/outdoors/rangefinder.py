@@ -26,7 +26,7 @@ from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.outdoors.outdoors import ALREADY, ends_by_kind, span
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.search.scoring import share
+from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.autopilot import Output
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.supervisor import CAPTURING, FAILED, REASON_TEXTS, RELEASED
@@ -271,8 +271,8 @@ def _claims(by_kind: dict[str, list[RangeFlight]]) -> tuple[Claim, ...]:
         return Claim(
             f"{kind}: the aircraft stays within {WITHIN_M:g} m of its lift",
             near == len(some),
-            f"{share(near, len(some))} of flights at every instant, {100 * of_time:.0f} % of the"
-            " time",
+            f"{fraction_text(near, len(some))} of flights at every instant, {100 * of_time:.0f} %"
+            " of the time",
         )
 
     wrong = by_kind[WRONG]
@@ -284,7 +284,7 @@ def _claims(by_kind: dict[str, list[RangeFlight]]) -> tuple[Claim, ...]:
         Claim(
             "none is lost or disengaged by a wrong rangefinder, and none captures again",
             gone + sum(each.captures for each in wrong) == 0,
-            f"{share(gone, len(wrong))}, e_rho moved by {apart:.2f} m at most",
+            f"{fraction_text(gone, len(wrong))}, e_rho moved by {apart:.2f} m at most",
         ),
     )
 

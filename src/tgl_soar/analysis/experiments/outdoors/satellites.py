@@ -33,7 +33,7 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.search.scoring import share
+from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.supervisor import (
@@ -350,7 +350,7 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
     gone = sum(each.lost or each.disengaged for each in stays)
     drifted = by_kind[RECEIVER]
     beside = max((each.beside_m for each in drifted), default=nan)
-    share_beside = sum(each.beside_share for each in drifted) / max(1, len(drifted))
+    fraction_beside = sum(each.beside_share for each in drifted) / max(1, len(drifted))
     outages = by_kind[HELD]
     held = [each for each in outages if not each.ended]
     off = max((each.last_off_m for each in held), default=nan)
@@ -367,8 +367,8 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
             "none is lost or disengaged, but where dead reckoning is not reported, or nobody gave"
             " leave to break off",
             gone == 0,
-            f"{share(gone, len(stays))}: lost {sum(each.lost for each in stays)}, disengaged"
-            f" {sum(each.disengaged for each in stays)}",
+            f"{fraction_text(gone, len(stays))}: lost {sum(each.lost for each in stays)},"
+            f" disengaged {sum(each.disengaged for each in stays)}",
         ),
         Claim(
             "without leave to break off none hits anything before it is disengaged, and none is"
@@ -382,7 +382,7 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
             f" line than its fix is wrong, by more than {BESIDE_M:g} m",
             beside <= BESIDE_M,
             f"by {beside:.2f} m at most, by more than {BESIDE_M:g} m for"
-            f" {100 * share_beside:.1f} % of the time",
+            f" {100 * fraction_beside:.1f} % of the time",
         ),
         Claim(
             "whoever soars on after dead reckoning is back on its own line",

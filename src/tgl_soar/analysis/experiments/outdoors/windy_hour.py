@@ -47,7 +47,7 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import BELOW_M, shipped_hill
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.flown_airframe import flown_airframe
-from tgl_soar.analysis.search.scoring import share
+from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
 from tgl_soar.control.laws import fence_of
@@ -262,7 +262,7 @@ def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
             f"none hits anything before it lands, nor the ground at more than {SINK_MPS:g} m/s of"
             " sink",
             lost == 0,
-            f"{share(lost, len(flown))} lost",
+            f"{fraction_text(lost, len(flown))} lost",
         ),
         Claim(
             "every lull that the line does not survive is left by itself",
@@ -273,7 +273,7 @@ def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
         Claim(
             "of those that broke off 95 % or more touch down as they should",
             landed >= 0.95 * len(left),
-            share(landed, len(left)) if left else "none broke off",
+            fraction_text(landed, len(left)) if left else "none broke off",
         ),
     )
 
