@@ -14,7 +14,7 @@ import pytest
 
 # Whole flights of the laws, in plain Python.
 LAWS = (
-    "autopilot/test_low_rule.py", "autopilot/test_passage_in_tick.py",
+    "autopilot/test_low_rule.py", "autopilot/test_launch_landing_in_tick.py",
     "autopilot/test_point_in_tick.py",
     "autopilot/test_power_in_tick.py", "autopilot/test_rangefinder_in_tick.py",
     "autopilot/test_stall_margin.py", "control/test_brake_shake.py", "control/test_brake_watch.py",

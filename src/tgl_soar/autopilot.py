@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.control import passage as way
+from tgl_soar.control import launch_landing as way
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.brake import NO_POINT, BrakeEffect, BrakeState, PointReport, set_aside
 from tgl_soar.control.conditions import (
@@ -35,9 +35,9 @@ from tgl_soar.control.excitation import (
 )
 from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
+from tgl_soar.control.launch_landing import LaunchLandingReport, LaunchLandingState
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.margins import pitch_kept
-from tgl_soar.control.passage import PassageReport, PassageState
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
 from tgl_soar.control.point import point_step
 from tgl_soar.control.power import power_conditions, power_off, power_step, with_power, with_push
@@ -103,7 +103,7 @@ class AutopilotState(NamedTuple):
     excitation: ExcitationState
     forecast: ForecastState
     brake: BrakeState
-    passage: PassageState
+    launch_landing: LaunchLandingState
     throttle: ThrottleState
 
 
@@ -134,7 +134,7 @@ class Output(NamedTuple):
     excitation: ExcitationState
     forecast: Forecast
     point: PointReport
-    passage: PassageReport
+    launch_landing: LaunchLandingReport
     throttle: ThrottleReport
 
 
@@ -176,7 +176,7 @@ class _Guidance(NamedTuple):
     cut: int  # off the pitch setpoint, bits CUT_…
     brake: BrakeState
     braked: BrakeEffect  # of the brake as it is now
-    passage: PassageState
+    launch_landing: LaunchLandingState
 
 
 class _Flown(NamedTuple):
@@ -223,7 +223,7 @@ def initial_state() -> AutopilotState:
         excitation=at_rest(IDLE),
         forecast=initial_forecast(),
         brake=NO_POINT,
-        passage=way.NO_PASSAGE,
+        launch_landing=way.NO_LAUNCH_LANDING,
         throttle=NO_THROTTLE,
     )
 
@@ -233,7 +233,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = inputs.time_s - state.time_s
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     flying = modes.is_flying(state.supervisor.mode)
-    airborne = flying and not way.is_in_hand(state.passage)
+    airborne = flying and not way.is_in_hand(state.launch_landing)
     laws = with_push(laws, state.throttle)
     estimates = estimate(laws, state.memory, inputs, airborne, state.loops.limited, dt)
     if flying:
@@ -290,7 +290,7 @@ def _idle(
         ),
         forecast=forecast,
         brake=set_aside(laws.brake, state.brake),
-        passage=way.NO_PASSAGE,
+        launch_landing=way.NO_LAUNCH_LANDING,
         throttle=power_off(laws, state.throttle, inputs),
     )
 
@@ -330,7 +330,7 @@ def _output(
         excitation=state.excitation,
         forecast=state.forecast.foreseen,
         point=PointReport(state.brake.standing, state.brake.off_m),
-        passage=way.passage_report(state.passage),
+        launch_landing=way.launch_landing_report(state.launch_landing),
         throttle=throttle_report(state.throttle),
     )
 
@@ -382,8 +382,10 @@ def _fly(
     if state.supervisor.mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
     mode = state.supervisor.mode
-    passage = way.passage_step(laws, state.passage, mode, inputs, estimates, line, dt_s)
-    line = way.passage_line(laws, passage, line, vehicle, dt_s)
+    launch_landing = way.launch_landing_step(
+        laws, state.launch_landing, mode, inputs, estimates, line, dt_s
+    )
+    line = way.launch_line(laws, launch_landing, line, vehicle, dt_s)
     tracking = line_tracking(line, vehicle)
     on_its_way = line.moving and not laws.surveys
     if on_its_way or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
@@ -393,12 +395,12 @@ def _fly(
     found = _conditions(laws, state, inputs, estimates) | _own_conditions(state, line)
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, on_its_way)
     found |= search_conditions(laws, line.moving)
-    found |= way.passage_conditions(laws, mode, passage, estimates)
+    found |= way.launch_landing_conditions(laws, mode, launch_landing, estimates)
     air, quality = estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
     found |= forecast_conditions(laws, mode, forecast.foreseen)
     found |= power_conditions(laws, mode, state.throttle, forecast.foreseen, estimates)
-    found = way.with_way_home(laws, state.supervisor, passage, estimates, found)
+    found = way.with_way_home(laws, state.supervisor, launch_landing, estimates, found)
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
@@ -419,10 +421,10 @@ def _fly(
         state.loops.limited.elevator_blocked,
     )
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
-    state = state._replace(excitation=excitation, passage=passage)
+    state = state._replace(excitation=excitation, launch_landing=launch_landing)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
     seen, left = forecast.foreseen, state.throttle
-    throttle = power_step(laws, left, mode, seen, guidance.passage, estimates, dt_s)
+    throttle = power_step(laws, left, mode, seen, guidance.launch_landing, estimates, dt_s)
     loops, flown = _control(laws, state.loops, inputs, estimates, guidance, dt_s)
     state = AutopilotState(
         time_s=inputs.time_s,
@@ -437,7 +439,7 @@ def _fly(
         excitation=excitation,
         forecast=forecast,
         brake=guidance.brake,
-        passage=guidance.passage,
+        launch_landing=guidance.launch_landing,
         throttle=throttle,
     )
     return state, _output(state, inputs, estimates, mode, reason, guidance.tracking, flown)
@@ -453,7 +455,7 @@ def _control(
 ) -> tuple[LoopsState, _Flown]:
     """From the setpoints to the surfaces, and what a log has of the way."""
     memory = estimates.memory
-    if way.is_in_hand(guidance.passage):
+    if way.is_in_hand(guidance.launch_landing):
         before = way.loops_in_hand(before, estimates.vehicle)
     flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
     loops, terms = surfaces_step(
@@ -519,11 +521,13 @@ def _guide(
         dt_s,
     )
     gains, effect = with_power(gains, effect, state.throttle)
-    passage = state.passage
-    if way.flies_no_line(decision.mode, passage):
+    launch_landing = state.launch_landing
+    if way.flies_no_line(decision.mode, launch_landing):
         mode = decision.mode
-        passage, soaring, terms, sideways, sideways_terms, psi_setpoint = way.passage_guide(
-            laws, passage, mode, estimates, soaring, sideways, limited, dt_s
+        launch_landing, soaring, terms, sideways, sideways_terms, psi_setpoint = (
+            way.launch_landing_guide(
+                laws, launch_landing, mode, estimates, soaring, sideways, limited, dt_s
+            )
         )
     elif decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
@@ -531,7 +535,7 @@ def _guide(
     elif decision.mode == modes.RECOVERING:
         soaring, terms = gliding_step(laws.soaring, soaring, laws.envelope.glide_pitch_rad, dt_s)
     else:
-        if way.starts_line(passage, vehicle):
+        if way.starts_line(launch_landing, vehicle):
             pitch = soaring.pitch_setpoint_rad
             soaring = soaring_reset(laws.soaring, theta_0, 0.0, pitch)
         if decision.action == modes.NEW_LINE:
@@ -573,7 +577,7 @@ def _guide(
         cut=cut,
         brake=held,
         braked=effect,
-        passage=passage,
+        launch_landing=launch_landing,
     )
 
 

@@ -35,13 +35,13 @@ ALL_SENSORS = Sensors(imu=MEMS_IMU, airspeed=PITOT, surfaces=READ_BACK)
 
 def passed(*faults: str, count: int = 300, seed: str = "1") -> list[tuple[float, int]]:
     """(arrival, item) of items 0, 1, 2 … sent every 10 ms."""
-    passage: FaultChannel[int] = FaultChannel([parse_fault(text) for text in faults], seed)
+    channel: FaultChannel[int] = FaultChannel([parse_fault(text) for text in faults], seed)
     arrivals = []
     for i in range(count + 100):
         now = i * DT
         if i < count:
-            passage.send(now, i)
-        arrivals += [(now, item) for item in passage.arrived(now)]
+            channel.send(now, i)
+        arrivals += [(now, item) for item in channel.arrived(now)]
     return arrivals
 
 

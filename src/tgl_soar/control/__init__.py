@@ -15,7 +15,7 @@ Deciding
   forecast             where the aircraft will stop
 
 Other ways to fly
-  passage              launch, way home and landing in a tick: launch, landing, weaving, escape,
+  launch_landing       launch, way home and landing in a tick: launch, landing, weaving, escape,
                        airspeed_error, wind_triangle
   point                the point on the line in a tick: brake, brake_watch, brake_shake
   power                a propeller in a tick: throttle

@@ -10,8 +10,8 @@ from tgl_soar.control.envelope import Margins
 from tgl_soar.control.escape import time_left
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.forecast import OUTSIDE, SETTLES, TOO_LOW, Forecast
+from tgl_soar.control.launch_landing import LaunchLandingState
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.passage import PassageState
 from tgl_soar.control.soaring import SoaringGains
 from tgl_soar.control.throttle import (
     ThrottleState,
@@ -75,14 +75,14 @@ def power_step(
     state: ThrottleState,
     mode: int,
     forecast: Forecast,
-    passage: PassageState,
+    launch_landing: LaunchLandingState,
     estimates: Estimates,
     dt_s: float,
 ) -> ThrottleState:
     """The throttle of a tick in control.  mode: as it was decided."""
     if laws.throttle.budget_s <= 0.0:
         return closed(laws.throttle, state, dt_s)
-    escape, vehicle, margins = passage.escape, estimates.vehicle, estimates.margins
+    escape, vehicle, margins = launch_landing.escape, estimates.vehicle, estimates.margins
     soars = forecast.standing == SETTLES and forecast.excess_mps > SOARS_LEAST_MPS
     goes_home = escape.armed and (mode == modes.BREAKING_OFF or not soars)
     view = ThrottleView(

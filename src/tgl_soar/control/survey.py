@@ -8,7 +8,7 @@ where it began, positive upstream, and s the aircraft's place up the line, the a
     s(t) = f(q) - q' f'(q) / lambda + gusts          f: the contour, s = f(q)
 
 late by its speed along the line over lambda, the rate at which it returns to its place.  The
-second passage has the other sign of q', so the mean of both has no lag (`analysis.survey`).
+second pass has the other sign of q', so the mean of both has no lag (`analysis.survey`).
 
 A way ends, and the line turns, where the next piece of the way would lead
 

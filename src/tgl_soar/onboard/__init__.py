@@ -10,7 +10,7 @@ The module
   operators            what operators ask for, and who may
   engage_switch        OP_ENGAGE, OP_FORCE and the pilot's switch: what engages and disengages
   switches             the others, which act from tick to tick and go back by themselves:
-                       excitation_switch, search_switch, survey_switch, passage_switch
+                       excitation_switch, search_switch, survey_switch, launch_landing_switch
   search_beside        the search for lift in a process of its own
   line_moves           a line that the module moves itself
   firmware_landing     the firmware's own landing, asked for

@@ -214,8 +214,8 @@ def slow_value(
         float(output.point.standing),
         output.point.off_m,
         output.command.brake,
-        output.passage.height_left_m,
-        output.passage.time_left_s if isfinite(output.passage.time_left_s) else NAN,
+        output.launch_landing.height_left_m,
+        output.launch_landing.time_left_s if isfinite(output.launch_landing.time_left_s) else NAN,
         output.throttle.fraction,
         output.throttle.used_s,
     )[turn]

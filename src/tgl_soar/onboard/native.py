@@ -92,7 +92,7 @@ MODULES: Final = (
     "tgl_soar.control.point",
     "tgl_soar.control.estimates",
     "tgl_soar.control.surface_loops",
-    "tgl_soar.control.passage",
+    "tgl_soar.control.launch_landing",
     "tgl_soar.control.power",
     "tgl_soar.autopilot",
     "tgl_soar.onboard.flightlog.allowance",

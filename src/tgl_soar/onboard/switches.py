@@ -7,8 +7,8 @@ from tgl_soar.autopilot import Output
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.excitation_switch import ExcitationSwitch
 from tgl_soar.onboard.firmware_landing import FirmwareLanding
+from tgl_soar.onboard.launch_landing_switch import LaunchLandingSwitch
 from tgl_soar.onboard.outbound import Outbox
-from tgl_soar.onboard.passage_switch import PassageSwitch
 from tgl_soar.onboard.search_switch import SearchEngine, SearchSwitch
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
@@ -29,7 +29,7 @@ class Switches:
         self._excitation = ExcitationSwitch(settings, outbox)
         self._search = SearchSwitch(setup, settings, outbox, search)
         self._survey = SurveySwitch(setup, settings, outbox)
-        self._passage = PassageSwitch(settings, outbox)
+        self._launch_landing = LaunchLandingSwitch(settings, outbox)
         self._firmware = FirmwareLanding(setup, settings, session, outbox)
         self._active = False
 
@@ -38,14 +38,14 @@ class Switches:
         self._excitation.tick(output.excitation)
         self._search.tick(output)
         self._survey.tick(output)
-        self._passage.tick(output)
+        self._launch_landing.tick(output)
         self._firmware.tick(output)
         self._active = output.active
 
     def refusal(self, name: str, value: float) -> str:
         """Why a value may not be set; "" if it may."""
         if name in ("LNC_START", "ESC_START"):
-            return self._passage.refusal(name, value, active=self._active)
+            return self._launch_landing.refusal(name, value, active=self._active)
         if name == "LND_BY":
             return self._firmware.refusal(value)
         if name == "SRV_START":

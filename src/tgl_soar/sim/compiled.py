@@ -77,7 +77,7 @@ MODULES: Final = (
     "tgl_soar.control.landing",
     "tgl_soar.control.escape",
     "tgl_soar.control.surface_loops",
-    "tgl_soar.control.passage",
+    "tgl_soar.control.launch_landing",
     "tgl_soar.control.power",
     "tgl_soar.autopilot",
     "tgl_soar.air.grid",

@@ -165,7 +165,7 @@ def row_of(
         brake=output.command.brake,
         point=float(output.point.standing),
         point_off_m=output.point.off_m,
-        height_left_m=output.passage.height_left_m,
+        height_left_m=output.launch_landing.height_left_m,
         throttle=output.throttle.fraction,
     )
 

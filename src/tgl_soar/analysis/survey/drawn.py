@@ -7,8 +7,8 @@ that is carried along it returns to its place at the rate lambda, and is late, b
 
 f is a broken line of KNOTS points, found by least squares with the penalty mu on its third
 differences: a parabola costs nothing.  mu and lambda are those with which parts of the flight that
-are left out are foretold best: gusts differ from one passage to the next, the contour does not.  f'
-is that of the f before, first of the one without e: passages both ways leave little of e in it.
+are left out are foretold best: gusts differ from one pass to the next, the contour does not.  f'
+is that of the f before, first of the one without e: passes both ways leave little of e in it.
 
 How certain f is follows from what is left: noise of the residuals' spectrum at zero frequency,
 that is their variance times the time over which they are alike.  Two things belong to it that the
@@ -39,7 +39,7 @@ WIDTHS: Final = (6.0, 8.0, 12.0, 16.0, 24.0, 48.0)
 # lambda: 0.15 over a small hill, 2 in a tunnel at its strongest.
 RETURNS_PER_S: Final = tuple(0.1 * 2.0 ** (0.5 * power) for power in range(11))
 # Of the time, each left out once: a part is longer than a gust's effect lasts, which is a few
-# 1 / lambda, and shorter than a way, so that the other passage of the same place is kept.
+# 1 / lambda, and shorter than a way, so that the other pass of the same place is kept.
 PARTS: Final = 10
 FREE_LEAST: Final = 0.1  # of the independent residuals that f has not followed: fewer say nothing
 LEAST_S: Final = 10.0  # of survey on each way: less draws nothing

@@ -107,7 +107,7 @@ _LEFT_OUT: Final = frozenset(
         "ExcitationState.begun_s",
         "ExcitationState.amplitude_rad",
         "ExcitationState.limited_s",
-        "PassageReport.launch",
+        "LaunchLandingReport.launch",
         "GroundRange.bound_m",  # in the clearance
         "GroundRange.refused",  # in the faults
     }
@@ -126,6 +126,8 @@ _SLOW: Final = re.compile(
 _NAMED: Final = {
     "AutopilotState.memory": "",
     "AutopilotState.loops": "",
+    "AutopilotState.launch_landing": "passage",
+    "Output.launch_landing": "passage",
     "EstimatorMemory.imu_weight": "imu_share",
     "Output.imu_weight": "imu_share",
     "WindState.posterior": "wind_belief",

@@ -11,7 +11,7 @@ from test_onboard import Flight, texts
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.site import HomePosition, PositionSettings
-from tgl_soar.control.passage import PassageReport
+from tgl_soar.control.launch_landing import LaunchLandingReport
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, LAUNCHING, READY, RELEASED, SOARING
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
@@ -31,7 +31,7 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.mission import MissionReading
 from tgl_soar.link.mode_change import TRIES
 from tgl_soar.onboard.firmware_landing import FirmwareLanding
-from tgl_soar.onboard.passage_switch import PassageSwitch
+from tgl_soar.onboard.launch_landing_switch import LaunchLandingSwitch
 
 
 class Settings:
@@ -61,9 +61,9 @@ class Said:
 
 def output_of(flight: Flight, mode: int, time_s: float = 0.0, left_m: float = 9.0) -> Output:
     assert flight.onboard.output is not None
-    report = PassageReport(launch=0, height_left_m=left_m, time_left_s=75.0)
+    report = LaunchLandingReport(launch=0, height_left_m=left_m, time_left_s=75.0)
     return flight.onboard.output._replace(
-        mode=mode, active=mode not in (READY, RELEASED), passage=report, time_s=time_s
+        mode=mode, active=mode not in (READY, RELEASED), launch_landing=report, time_s=time_s
     )
 
 
@@ -79,7 +79,7 @@ def flight() -> Flight:
 
 def test_the_height_is_reported_as_it_goes_once_each(flight: Flight) -> None:
     settings, said = Settings(), Said()
-    switch = PassageSwitch(settings, said)  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, said)  # type: ignore[arg-type]
     for left in (9.0, 4.9, 4.8, 5.1, 4.9, 1.9, 1.0, -0.1, -0.5):
         switch.tick(output_of(flight, SOARING, left_m=left))
     assert said.words == [
@@ -94,7 +94,7 @@ def test_the_height_is_reported_as_it_goes_once_each(flight: Flight) -> None:
 
 def test_the_switches_go_back_by_themselves(flight: Flight) -> None:
     settings = Settings(LNC_START=1.0, ESC_START=1.0)
-    switch = PassageSwitch(settings, Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, Said())  # type: ignore[arg-type]
     switch.tick(output_of(flight, LAUNCHING))
     assert settings.values["LNC_START"] == 1.0
     switch.tick(output_of(flight, BREAKING_OFF))
@@ -112,7 +112,7 @@ def test_the_switches_go_back_by_themselves(flight: Flight) -> None:
 def test_what_has_broken_off_asks_for_nothing_any_more(flight: Flight) -> None:
     """A file that is saved on the way home must not end the next flight when it is loaded."""
     settings = Settings(ESC_START=1.0)
-    switch = PassageSwitch(settings, Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, Said())  # type: ignore[arg-type]
     switch.tick(output_of(flight, SOARING, 10.0))
     switch.tick(output_of(flight, BREAKING_OFF, 10.1))
     switch.tick(output_of(flight, BREAKING_OFF, 10.9))
@@ -127,7 +127,7 @@ def test_what_has_broken_off_asks_for_nothing_any_more(flight: Flight) -> None:
 
 def test_a_launch_that_nobody_engages_expires(flight: Flight) -> None:
     settings, said = Settings(LNC_START=1.0), Said()
-    switch = PassageSwitch(settings, said)  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, said)  # type: ignore[arg-type]
     for now in (0.0, 59.0):
         switch.tick(output_of(flight, READY, now))
         assert settings.values["LNC_START"] == 1.0
@@ -141,7 +141,7 @@ def test_a_launch_that_nobody_engages_expires(flight: Flight) -> None:
 
 
 def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
-    switch = PassageSwitch(Settings(), Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(Settings(), Said())  # type: ignore[arg-type]
     assert switch.refusal("LNC_START", 1.0, active=True)
     assert not switch.refusal("LNC_START", 1.0, active=False)
     assert switch.refusal("ESC_START", 2.0, active=True)

@@ -25,7 +25,7 @@ SHOW_BREAK_S: Final = 1.0  # the station that has set it sees it confirmed
 WAIT_S: Final = 60.0  # to engage what LNC_START is set for; what comes later is not it
 
 
-class PassageSwitch:
+class LaunchLandingSwitch:
     """Follows launch and way home from tick to tick."""
 
     def __init__(self, settings: FlightSettings, outbox: Outbox) -> None:
@@ -64,7 +64,7 @@ class PassageSwitch:
                 self._put_back("ESC_START")
             self._reported_m = inf
         elif not goes_home(output.mode):
-            self._tell(output.passage.height_left_m, output.passage.time_left_s)
+            self._tell(output.launch_landing.height_left_m, output.launch_landing.time_left_s)
 
     def _end_wait(self, output: Output) -> None:
         """A launch that nobody has engaged is over: an engagement hours later is none."""

@@ -69,7 +69,7 @@ class Lull(NamedTuple):
     low_s: float  # sinking to the least height
 
 
-class PassageState(NamedTuple):
+class LaunchLandingState(NamedTuple):
     """What these modes remember."""
 
     launch: LaunchState
@@ -78,7 +78,7 @@ class PassageState(NamedTuple):
     lull: Lull
 
 
-class PassageReport(NamedTuple):
+class LaunchLandingReport(NamedTuple):
     """What is shown of them."""
 
     launch: int  # 0 none, 1 held, 2 thrown, 3 gliding, 4 line reached, 5 … why it was given up
@@ -87,18 +87,20 @@ class PassageReport(NamedTuple):
 
 
 NO_LULL: Final = Lull(0.0, 0.0)
-NO_PASSAGE: Final = PassageState(launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE, lull=NO_LULL)
+NO_LAUNCH_LANDING: Final = LaunchLandingState(
+    launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE, lull=NO_LULL
+)
 
 
-def passage_step(
+def launch_landing_step(
     laws: Laws,
-    state: PassageState,
+    state: LaunchLandingState,
     mode: int,
     inputs: Inputs,
     estimates: Estimates,
     line: LineState,
     dt_s: float,
-) -> PassageState:
+) -> LaunchLandingState:
     """One tick in control.  mode: with which it begins; line: as it is flown."""
     vehicle, target = estimates.vehicle, laws.target
     launching = mode == modes.LAUNCHING
@@ -126,7 +128,7 @@ def passage_step(
     escape = escape_step(laws.landing, state.escape, in_air, goes_home, sure, vehicle, air, dt_s)
     glide = state.glide if goes_home else NO_GLIDE
     lull = _lull_step(laws, state.lull, mode, estimates, dt_s)
-    return PassageState(launch=began, escape=escape, glide=glide, lull=lull)
+    return LaunchLandingState(launch=began, escape=escape, glide=glide, lull=lull)
 
 
 def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: float) -> Lull:
@@ -158,7 +160,9 @@ def hand_conditions(laws: Laws, vehicle: VehicleState, health: Health, margins: 
     return modes.LAUNCH | modes.AIR_SAFE | modes.HIGH_ENOUGH
 
 
-def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Estimates) -> int:
+def launch_landing_conditions(
+    laws: Laws, mode: int, state: LaunchLandingState, estimates: Estimates
+) -> int:
     """What holds of launch, escape and landing in a tick in control."""
     home, standing, vehicle = laws.landing, state.launch.standing, estimates.vehicle
     found = modes.LAUNCH if laws.launch.wanted else 0
@@ -206,7 +210,7 @@ def passage_conditions(laws: Laws, mode: int, state: PassageState, estimates: Es
 def with_way_home(
     laws: Laws,
     supervisor: modes.SupervisorState,
-    state: PassageState,
+    state: LaunchLandingState,
     estimates: Estimates,
     found: int,
 ) -> int:
@@ -243,14 +247,14 @@ def knows_place(laws: Laws, estimates: Estimates) -> bool:
     return is_place_known(laws.guards, health._replace(position_ok=young), quality)
 
 
-def _is_reckoned_too_long(laws: Laws, state: PassageState, estimates: Estimates) -> bool:
+def _is_reckoned_too_long(laws: Laws, state: LaunchLandingState, estimates: Estimates) -> bool:
     """Whether the line is not to be flown any longer by dead reckoning, and there is a way home."""
     too_long = estimates.quality.reckoned_s > laws.guards.reckoned_max_s
     return too_long and state.escape.armed and state.escape.left_m >= 0.0  # false for NaN
 
 
-def passage_line(
-    laws: Laws, state: PassageState, line: LineState, vehicle: VehicleState, dt_s: float
+def launch_line(
+    laws: Laws, state: LaunchLandingState, line: LineState, vehicle: VehicleState, dt_s: float
 ) -> LineState:
     """The line of a launch: from the aircraft, with its speed across it, to the target."""
     if launch.starts_line(state.launch, vehicle.time_s):
@@ -262,17 +266,17 @@ def passage_line(
     return line
 
 
-def starts_line(state: PassageState, vehicle: VehicleState) -> bool:
+def starts_line(state: LaunchLandingState, vehicle: VehicleState) -> bool:
     """Whether a launch begins to fly its line in this tick."""
     return launch.starts_line(state.launch, vehicle.time_s)
 
 
-def is_in_hand(state: PassageState) -> bool:
+def is_in_hand(state: LaunchLandingState) -> bool:
     """Whether the aircraft waits to be thrown."""
     return launch.is_in_hand(state.launch)
 
 
-def flies_no_line(mode: int, state: PassageState) -> bool:
+def flies_no_line(mode: int, state: LaunchLandingState) -> bool:
     """Whether a mode in control flies by attitude or speed alone."""
     return modes.goes_home(mode) or (
         mode == modes.LAUNCHING
@@ -281,16 +285,16 @@ def flies_no_line(mode: int, state: PassageState) -> bool:
     )
 
 
-def passage_guide(
+def launch_landing_guide(
     laws: Laws,
-    state: PassageState,
+    state: LaunchLandingState,
     mode: int,
     estimates: Estimates,
     soaring: SoaringState,
     sideways: PidState,
     limited: Limited,
     dt_s: float,
-) -> tuple[PassageState, SoaringState, PidTerms, PidState, PidTerms, float]:
+) -> tuple[LaunchLandingState, SoaringState, PidTerms, PidState, PidTerms, float]:
     """Pitch, bank and heading of these modes without a line.  limited: the last command."""
     below = estimates.vehicle.pitch_rad < soaring.pitch_setpoint_rad - STALL_RAD
     nose_held = below and limited.elevator_blocked > 0
@@ -312,8 +316,13 @@ def passage_guide(
 
 
 def _glide_setpoints(
-    laws: Laws, state: PassageState, mode: int, estimates: Estimates, nose_held: bool, dt_s: float
-) -> tuple[PassageState, GlideSetpoints]:
+    laws: Laws,
+    state: LaunchLandingState,
+    mode: int,
+    estimates: Estimates,
+    nose_held: bool,
+    dt_s: float,
+) -> tuple[LaunchLandingState, GlideSetpoints]:
     """Pitch, heading and sideways speed; NaN: wings level."""
     vehicle, air = estimates.vehicle, estimates.air
     if mode == modes.LAUNCHING:
@@ -351,6 +360,6 @@ def loops_in_hand(loops: LoopsState, vehicle: VehicleState) -> LoopsState:
     )
 
 
-def passage_report(state: PassageState) -> PassageReport:
+def launch_landing_report(state: LaunchLandingState) -> LaunchLandingReport:
     """What is shown of a tick."""
-    return PassageReport(state.launch.standing, state.escape.left_m, time_left(state.escape))
+    return LaunchLandingReport(state.launch.standing, state.escape.left_m, time_left(state.escape))

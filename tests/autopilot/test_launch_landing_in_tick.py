@@ -20,16 +20,16 @@ from tgl_soar.config.site import Start
 from tgl_soar.control.escape import STILL_S
 from tgl_soar.control.estimates import estimate
 from tgl_soar.control.landing import FINAL_M, FLARE_MIN_M, SOAR_ON
-from tgl_soar.control.laws import laws_from
-from tgl_soar.control.passage import (
+from tgl_soar.control.launch_landing import (
     LOW_S,
     SLOW_S,
     Lull,
-    passage_conditions,
-    passage_guide,
-    passage_step,
+    launch_landing_conditions,
+    launch_landing_guide,
+    launch_landing_step,
     with_way_home,
 )
+from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import (
     AWAY,
     BREAK_OFF,
@@ -132,18 +132,18 @@ def test_on_the_ground_the_way_home_is_over_whatever_clear_min_is(
     vehicle = now.vehicle._replace(
         x_m=-30.0, z_m=0.15, velocity_x_mps=0.0, velocity_y_mps=0.0, climb_mps=0.0
     )
-    state, found, at = before.passage, 0, now
+    state, found, at = before.launch_landing, 0, now
     for k in range(round(1.2 / 0.05)):
         at = now._replace(
             vehicle=vehicle._replace(time_s=now.vehicle.time_s + 0.05 * k),
             margins=now.margins._replace(clearance_m=0.15, outside=0),
         )
-        state = passage_step(laws, state, mode, inputs, at, before.line, 0.05)
-        found = passage_conditions(laws, mode, state, at)
+        state = launch_landing_step(laws, state, mode, inputs, at, before.line, 0.05)
+        found = launch_landing_conditions(laws, mode, state, at)
         assert bool(found & ON_GROUND) == (0.05 * k >= STILL_S - 1e-9)
     assert found & AWAY
     higher = at._replace(margins=at.margins._replace(clearance_m=0.6))
-    assert bool(passage_conditions(laws, mode, state, higher) & AWAY) == (clear_min_m == 1.0)
+    assert bool(launch_landing_conditions(laws, mode, state, higher) & AWAY) == (clear_min_m == 1.0)
 
 
 def test_breaking_off_ends_on_a_ground_that_no_clearance_is_kept_to() -> None:
@@ -158,20 +158,20 @@ def test_breaking_off_ends_on_a_ground_that_no_clearance_is_kept_to() -> None:
 def test_the_height_left_is_watched_in_every_flight_and_breaks_off_only_where_asked() -> None:
     for auto, mode in ((0.0, SOARING), (1.0, BREAKING_OFF)):
         flown = soaring(ESC_AUTO=auto).fly(3.0)
-        had = flown.output.passage.height_left_m
+        had = flown.output.launch_landing.height_left_m
         assert isfinite(had)
         # More is to be spared than there is: the last moment has gone by.
         flown.loop.change({"ESC_SPARE": 1.0 + had + 3.0})
         flown.fly(4.0, BREAKING_OFF)
         assert flown.output.mode == mode
-        assert flown.output.passage.height_left_m < 0.0
-        assert flown.output.passage.time_left_s == 0.0
+        assert flown.output.launch_landing.height_left_m < 0.0
+        assert flown.output.launch_landing.time_left_s == 0.0
 
 
 @pytest.mark.parametrize("auto", [0.0, 1.0])
 def test_low_over_the_ground_it_goes_home_where_it_may(auto: float) -> None:
     flown = soaring(ESC_AUTO=auto, ESC_CLEAR=0.0).fly(3.0)
-    assert flown.output.passage.height_left_m > 0.0
+    assert flown.output.launch_landing.height_left_m > 0.0
     flown.loop.change({"ESC_CLEAR": 50.0})
     flown.fly(2.0, BREAKING_OFF)
     assert flown.output.mode == (BREAKING_OFF if auto else SOARING)
@@ -194,8 +194,8 @@ def test_a_lull_is_counted_while_it_lasts_and_off_while_it_does_not() -> None:
     ) -> Lull:
         air = now.air._replace(wind_mps=wind, wind_sigma_mps=0.5, cross_wind_mps=cross)
         then = now._replace(air=air, vehicle=now.vehicle._replace(climb_mps=climb))
-        there = state.passage._replace(lull=Lull(before_s, before_s))
-        return passage_step(laws, there, mode, inputs, then, state.line, 0.005).lull
+        there = state.launch_landing._replace(lull=Lull(before_s, before_s))
+        return launch_landing_step(laws, there, mode, inputs, then, state.line, 0.005).lull
 
     more, less = pytest.approx(0.105), pytest.approx(0.095)
     for wind, slow in ((least - 0.4, less), (least - 0.6, more), (nan, less)):
@@ -215,12 +215,12 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
     laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
     inputs = inputs_at(world.time_s, world.now.samples, True)
     now = estimate(laws, state.memory, inputs, True, state.loops.limited, 0.005)
-    assert state.passage.escape.left_m > 0.0
+    assert state.launch_landing.escape.left_m > 0.0
 
     def breaks(found: int, mode: int = SOARING, **changes: Any) -> bool:
         supervisor = state.supervisor._replace(mode=mode)
         home = laws._replace(landing=laws.landing._replace(**changes))
-        return bool(with_way_home(home, supervisor, state.passage, now, found) & BREAK_OFF)
+        return bool(with_way_home(home, supervisor, state.launch_landing, now, found) & BREAK_OFF)
 
     assert not breaks(SETTLES | NEAR_LINE)
     for lacking in (SETTLES, NEAR_LINE):
@@ -235,16 +235,16 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
         (Lull(SLOW_S, 0.0), True),
         (Lull(0.0, LOW_S), True),
     ):
-        weak = state.passage._replace(lull=lull)
+        weak = state.launch_landing._replace(lull=lull)
         found = with_way_home(laws, state.supervisor, weak, now, SETTLES | NEAR_LINE)
         assert bool(found & BREAK_OFF) == goes
     recovering = state.supervisor._replace(mode=RECOVERING)
     for fraction, goes in ((0.49, False), (0.51, True)):  # of its longest time
         begun_s = now.vehicle.time_s - fraction * laws.guards.recover_s
         since = recovering._replace(since_s=begun_s)
-        found = with_way_home(laws, since, state.passage, now, SETTLES | NEAR_LINE)
+        found = with_way_home(laws, since, state.launch_landing, now, SETTLES | NEAR_LINE)
         assert bool(found & BREAK_OFF) == goes
-    gone = state.passage._replace(escape=state.passage.escape._replace(left_m=-0.1))
+    gone = state.launch_landing._replace(escape=state.launch_landing.escape._replace(left_m=-0.1))
     assert not with_way_home(laws, state.supervisor, gone, now, SETTLES) & BREAK_OFF
 
 
@@ -255,7 +255,7 @@ def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: fl
     laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
     inputs = inputs_at(world.time_s, world.now.samples, True)
     now = estimate(laws, state.memory, inputs, True, state.loops.limited, 0.005)
-    told = state.passage.glide.airspeed_error._replace(
+    told = state.launch_landing.glide.airspeed_error._replace(
         nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0
     )
     z_m = laws.landing.place.z_m + FINAL_M + over_m
@@ -263,11 +263,11 @@ def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: fl
         vehicle = now.vehicle._replace(z_m=z_m, velocity_y_mps=-20.0 * side)
         air = now.air._replace(airspeed_mps=9.3, wind_mps=8.5, measured=False)
         then = now._replace(vehicle=vehicle, air=air)
-        glide = state.passage.glide._replace(
+        glide = state.launch_landing.glide._replace(
             speed_mps=9.2, weave_rad=0.9 * side, goes_right=side > 0.0, airspeed_error=told
         )
-        there = state.passage._replace(glide=glide)
-        *_, sideways, _ = passage_guide(
+        there = state.launch_landing._replace(glide=glide)
+        *_, sideways, _ = launch_landing_guide(
             laws, there, LANDING, then, state.soaring, state.sideways, state.loops.limited, 0.005
         )
         assert degrees(sideways.output) == pytest.approx(side * bank_deg)
@@ -275,8 +275,8 @@ def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: fl
 
 def test_without_a_landing_place_nothing_is_known_of_the_height() -> None:
     flown = soaring(LND_LEN=0.0)
-    assert isnan(flown.output.passage.height_left_m)
-    assert isnan(flown.output.passage.time_left_s)
+    assert isnan(flown.output.launch_landing.height_left_m)
+    assert isnan(flown.output.launch_landing.time_left_s)
 
 
 def test_the_operator_soars_on_and_it_stays_so() -> None:
@@ -289,7 +289,7 @@ def test_the_operator_soars_on_and_it_stays_so() -> None:
     assert flown.modes[-1] == (CAPTURING, REASON_SOAR_ON)
     assert abs(flown.output.line.e_rho_m) < 0.05  # the line starts at the aircraft
     flown.fly(3.0)
-    assert flown.output.passage.height_left_m < 0.0
+    assert flown.output.launch_landing.height_left_m < 0.0
     assert flown.output.mode in (CAPTURING, SOARING)
 
 
@@ -336,7 +336,7 @@ def test_a_position_that_is_lost_on_the_way_home_ends_it_as_recovering_would() -
 def test_a_lost_position_does_not_break_off_by_itself() -> None:
     """What the estimate coasts to is no height that is gone: holding and recovering end it."""
     flown = soaring(ESC_AUTO=1.0).fly(3.0)
-    had = flown.output.passage.height_left_m
+    had = flown.output.launch_landing.height_left_m
     assert had > 0.0
     world, loop = flown.loop.world, flown.loop
     last = world.position
@@ -369,7 +369,7 @@ def reckoned_ticks(flown: Flown, seconds: float, until: int = -1) -> list[Output
 
 def test_by_itself_it_breaks_off_when_it_was_dead_reckoned_for_too_long_and_comes_home() -> None:
     flown = soaring(ESC_AUTO=1.0, AGE_POS_DR=1.5).fly(3.0)
-    assert flown.output.passage.height_left_m > 0.0
+    assert flown.output.launch_landing.height_left_m > 0.0
     begin_s = flown.loop.world.time_s
     outputs = reckoned_ticks(flown, 90.0)
     breaks = next(output for output in outputs if output.mode != SOARING)
@@ -479,7 +479,7 @@ def test_a_launch_from_the_hand_is_captured_without_a_step(pitch_deg: float) -> 
     world = ThrownWorld(world_of(Start(x_m=-4.5, z_m=8.4)), throw)
     flown = Flown(world, values_of(LNC_START=1.0)).fly(1.4)
     assert flown.output.mode == LAUNCHING
-    assert flown.output.passage.launch == 1
+    assert flown.output.launch_landing.launch == 1
     # In the hand nothing is learnt, whatever the hand does.
     assert flown.output.elevator.i == pytest.approx(0.0, abs=1e-3)
     before, most = flown.output.setpoints.pitch_rad, 0.0
@@ -518,9 +518,9 @@ def test_what_flies_already_is_not_launched_and_keeps_its_entry_checks() -> None
 def test_the_modes_without_a_search_stay_as_they_were() -> None:
     """No landing place, no launch: the state of these modes is never begun."""
     flown = soaring(LND_LEN=0.0)
-    passage = flown.loop.state.passage
-    assert passage.launch.standing == 0
-    assert isnan(passage.glide.speed_mps)
-    assert initial_state().passage.launch == passage.launch
+    launch_landing = flown.loop.state.launch_landing
+    assert launch_landing.launch.standing == 0
+    assert isnan(launch_landing.glide.speed_mps)
+    assert initial_state().launch_landing.launch == launch_landing.launch
     assert HOLDING not in [mode for mode, _ in flown.modes]
-    assert nan != passage.escape.left_m
+    assert nan != launch_landing.escape.left_m
