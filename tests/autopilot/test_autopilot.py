@@ -611,7 +611,7 @@ def test_fixes_that_never_make_the_position_confident_do_not_keep_it() -> None:
 
 
 def test_a_long_gap_is_recovered_from() -> None:
-    """Beyond AGE_POS_MAX it glides, wings level, as long as it may; then the line starts anew."""
+    """Beyond AGE_POS_MAX it glides, wings level, as long as it may; then the line is reset."""
     flight = soaring()
     flight.fly(2.4, frozen("position", flight))
     assert flight.outputs[-1].mode == modes.RECOVERING
@@ -830,7 +830,7 @@ def jump(seconds: float) -> Spoil:
         (0.02, []),
         (0.5, ["holding", "capturing", "soaring"]),  # the last fix is half a second old
         (1.0, ["holding", "capturing", "soaring"]),
-        # The first fix after it starts the place afresh, and it is confident again 0.4 s later:
+        # The first fix after it resets the place, and it is confident again 0.4 s later:
         # beyond AGE_POS_MAX.
         (1.2, ["holding", "recovering", "capturing", "soaring"]),
         (60.0, ["released"]),

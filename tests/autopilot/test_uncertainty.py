@@ -179,7 +179,7 @@ def test_a_frozen_position_is_not_carried_on_by_accelerations() -> None:
 
 
 def test_a_position_that_has_jumped_is_none_for_a_while() -> None:
-    """So that the line starts anew at the aircraft and no law sees the step."""
+    """So that the line is reset at the aircraft and no law sees the step."""
 
     def jumping() -> Iterator[Inputs]:
         for n in range(400):

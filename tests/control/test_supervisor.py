@@ -275,7 +275,7 @@ def test_holding_ends() -> None:
     ):
         assert not np.any(everything.to[ends] == s.HOLDING)
     back = everything.to == s.CAPTURING
-    # A short gap keeps the line; a long one starts it anew.
+    # A short gap keeps the line; a long one resets it.
     assert np.array_equal(everything.action[back] == s.NEW_LINE, everything.has(s.LONG_GAP)[back])
 
 

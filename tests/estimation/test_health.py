@@ -427,7 +427,7 @@ def test_a_rotation_told_the_other_way_round_is_found_out() -> None:
 
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
-def test_accelerations_that_are_no_numbers_begin_afresh(bad: float) -> None:
+def test_accelerations_that_are_no_numbers_reset_it(bad: float) -> None:
     watch = Watch().run(256, imu=imu(0.0))
 
     def broken(inputs: Inputs, k: int) -> ImuSample:
@@ -546,7 +546,7 @@ def test_nobody_knows_of_surfaces_on_the_ground_or_in_silence() -> None:
     watch.run(1, surfaces=against)
     watch.flying = True
     watch.run(1, surfaces=against)
-    assert watch.health.surfaces_answer == 1  # it begins anew
+    assert watch.health.surfaces_answer == 1  # it starts again
 
 
 def test_surfaces_that_are_not_known_are_no_fault() -> None:

@@ -316,7 +316,7 @@ def test_in_a_gap_it_goes_on_as_it_was() -> None:
         assert dist(position(vehicle), straight(t)) < 1e-9
 
 
-def test_a_clock_that_goes_back_starts_it_afresh() -> None:
+def test_a_clock_that_goes_back_resets_it() -> None:
     """What is known is of the future: new samples would be refused as late for all of the jump."""
     state = settled()
     fix = fix_at(99, 3.0, (7.0, 8.0, 9.0), (0.1, 0.0, 0.0))

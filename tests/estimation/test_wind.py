@@ -362,7 +362,7 @@ def test_what_is_not_known_is_not_reported() -> None:
         assert isnan(state.time_s)
 
 
-def test_it_starts_afresh_after_a_gap_and_after_bad_numbers() -> None:
+def test_it_is_reset_after_a_gap_and_after_bad_numbers() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     *_, (state, air) = glide.measured(3.0, imu=True, pitot=True)
     later, _ = wind_step(

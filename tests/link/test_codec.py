@@ -311,7 +311,7 @@ def test_any_payload_under_a_right_checksum_is_survived(
     assert received[-1].message == KNOWN[0][1]
 
 
-def test_a_cut_off_stream_begins_afresh_after_reset() -> None:
+def test_a_cut_off_stream_starts_again_after_reset() -> None:
     decoder = Decoder(stream=True)
     decoder.feed(packed(ATTITUDE)[:20])
     decoder.reset()

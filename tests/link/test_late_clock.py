@@ -1,4 +1,4 @@
-"""A clock that began anew above the last stamp heard, against samples that are only late."""
+"""A clock that was reset above the last stamp heard, against samples that are only late."""
 
 from math import isfinite
 

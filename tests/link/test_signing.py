@@ -111,7 +111,7 @@ def test_the_link_id_is_part_of_the_stream() -> None:
 
 
 def test_streams_of_another_key_are_dropped_with_it() -> None:
-    """A station begins anew with a new key, and must not be held to what it signed before."""
+    """A station starts again with a new key, and must not be held to what it signed before."""
     ours = signing()
     assert ours.accepts(frame(peer(ticks=NOW_TICKS + ticks(5.0))))
     ours.replace_key(OTHER_KEY, 0)

@@ -313,7 +313,7 @@ def test_a_conversation_that_begins_anew_after_the_hand_over_is_no_false_alarm(
     assert said.words == ["the autopilot lands: item 2 of its mission"]
 
 
-def test_one_that_begins_anew_and_does_not_land_is_reported_all_the_same(flight: Flight) -> None:
+def test_one_that_starts_again_and_does_not_land_is_reported_all_the_same(flight: Flight) -> None:
     firmware, said, landing = handed_over(flight, 100.0)
     firmware.mission.restart()
     for k in range(100):

@@ -158,7 +158,7 @@ class SpoiltLoop(ClosedLoop):
 @pytest.mark.parametrize(
     ("interval_s", "sigma_m", "noise_m", "velocity", "seed"),
     [
-        # Each starts the place afresh; none makes it confident for long.
+        # Each resets the place; none makes it confident for long.
         *((1.2, nan, 0.0, True, seed) for seed in (1, 2, 3, 4)),
         (0.8, nan, 0.0, True, 1),
         (1.6, nan, 0.0, False, 1),

@@ -12,7 +12,7 @@ waits for anybody; a firmware that does not take the landing leaves the module t
              asked either
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
     check    the item that it flies: a mission's mode may be anywhere in it.  Where the autopilot
-             restarts meanwhile, or our clock is set, that begins anew, by the mission as it was
+             restarts meanwhile, or our clock is set, that starts again, by the mission as it was
 
 ArduPlane's return circles over home, with a throttle that we do not have, unless RTL_AUTOLAND says
 otherwise; that is not read.
@@ -131,7 +131,7 @@ class FirmwareLanding:
         self._outbox.say_all((self._request(by, modes[by]),), self._outbox.autopilot)
 
     def _begin_anew(self, output: Output) -> None:
-        """Whose clock has begun anew: times of before say nothing, and what was asked is lost."""
+        """Whose clock was reset: times of before say nothing, and what was asked is lost."""
         mission = self._session.mission
         if mission.restarts == self._restarts:
             return

@@ -173,7 +173,7 @@ class SearchSwitch:
             self._settings.assign("SRCH_START", SEARCH_OFF)
 
     def _end_on_way_home(self) -> None:
-        """No line is flown there, and whoever soars on from there begins anew."""
+        """No line is flown there, and whoever soars on from there starts again."""
         if self._is_wanted:
             self._end(SEVERITY_INFO, "search ended: it goes home")
         elif self._standing != SEARCH_OFF:

@@ -205,7 +205,7 @@ def test_behind_a_gap_the_next_state_is_taken_up(tmp_path: Path) -> None:
 
 
 def test_a_module_that_began_anew_in_flight_replays_on(tmp_path: Path) -> None:
-    """The simulator was restarted: the vehicle's clock goes back, all begins afresh."""
+    """The simulator was restarted: the vehicle's clock goes back, all is reset."""
     recorder = FlightRecorder(tmp_path, METADATA, 0.0, patient=True)
     recorder.start()
     first = LoggedFlight(recorder)

@@ -417,7 +417,7 @@ def test_a_frame_finds_room_as_it_is_earned_and_no_more() -> None:
     assert not room.takes(500, 4_900_000)
     assert room.takes(500, 5_000_000)
     assert [room.takes(500, 10**9) for _ in range(3)] == [True, True, False]
-    assert not room.takes(500, 0)  # the clock begins anew
+    assert not room.takes(500, 0)  # the clock was reset
     assert room.takes(500, 5_000_000)
     assert (room.taken, room.left_out) == (6, 4)
 

@@ -116,7 +116,7 @@ class _Cut(NamedTuple):
     """Something that happens before a tick of the log."""
 
     state: AutopilotState | None = None
-    afresh: bool = False
+    reset: bool = False
     gap: bool = False
     laws: Laws | None = None
 
@@ -243,11 +243,11 @@ def _prepare(
 
     for before_gap in np.flatnonzero(np.diff(numbers) != 1).tolist():
         cut(before_gap + 1, gap=True)
-    for number, afresh, state in _states(log, notes):
+    for number, reset, state in _states(log, notes):
         index = int(np.searchsorted(numbers, number, side="right"))
         # A state belongs to what comes next, unless ticks in between are missing.
         if index < len(numbers) and numbers[index] == number + 1:
-            cut(index, state=state, afresh=afresh or cuts.get(index, _Cut()).afresh)
+            cut(index, state=state, reset=reset or cuts.get(index, _Cut()).reset)
     setup, stands = _configuration(log, airframe, notes)
     for number, values in _parameters(log, stands, changes, notes):
         index = int(np.searchsorted(numbers, number, side="right")) if number >= 0 else 0
@@ -485,7 +485,7 @@ def _taken_up(
         state = None
     if cut.state is None:
         return state
-    if state is None or cut.afresh:
+    if state is None or cut.reset:
         return cut.state
     if flight.changed:
         return state
