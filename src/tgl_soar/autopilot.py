@@ -423,8 +423,8 @@ def _fly(
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
     state = state._replace(excitation=excitation, launch_landing=launch_landing)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
-    seen, left = forecast.foreseen, state.throttle
-    throttle = power_step(laws, left, mode, seen, guidance.launch_landing, estimates, dt_s)
+    foreseen, left = forecast.foreseen, state.throttle
+    throttle = power_step(laws, left, mode, foreseen, guidance.launch_landing, estimates, dt_s)
     loops, flown = _control(laws, state.loops, inputs, estimates, guidance, dt_s)
     state = AutopilotState(
         time_s=inputs.time_s,

@@ -450,7 +450,7 @@ def test_it_disengages_from_a_line_that_it_has_lost() -> None:
         )
         return inputs._replace(position=moved)
 
-    # Within the gate's reach, so that it is believed at once.
+    # Within the gate's reach, so that it is accepted at once.
     flight = soaring()
     flight.laws = laws_with(EST_GATE=5.0)
     flight.fly(0.5, blown)

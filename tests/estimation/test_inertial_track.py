@@ -120,7 +120,7 @@ def test_before_its_oldest_node_it_is_straight_and_says_that_it_does_not_know() 
 SEEDS = range(5)
 
 
-def belief(seed: int) -> tuple[Errors, Floats, Floats]:
+def posterior(seed: int) -> tuple[Errors, Floats, Floats]:
     """Errors, and the same as mean (3 of position, velocity, bias; 3 axes) and covariance."""
     dice = np.random.default_rng(seed)
     mean = dice.normal(size=(3, 3))
@@ -139,7 +139,7 @@ def matrix(c: Covariance) -> Floats:
 @pytest.mark.parametrize("coupling", [0.0, 1.0])
 @pytest.mark.parametrize("t", [0.013, 0.7, -0.2])
 def test_errors_are_carried_on_by_the_matrix(seed: int, coupling: float, t: float) -> None:
-    errors, mean, p = belief(seed)
+    errors, mean, p = posterior(seed)
     f = np.array([[1.0, t, -coupling * t * t / 2.0], [0.0, 1.0, -coupling * t], [0.0, 0.0, 1.0]])
     found = errors_at(errors, 1.0 + t, coupling)
     assert np.array(found).reshape(2, 3) == pytest.approx((f @ mean)[:2])
@@ -160,7 +160,7 @@ def test_errors_are_carried_on_by_the_matrix(seed: int, coupling: float, t: floa
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("measured", [0, 1])
 def test_a_measurement_is_taken_as_by_kalman(seed: int, measured: int) -> None:
-    errors, mean, p = belief(seed)
+    errors, mean, p = posterior(seed)
     dice = random.Random(seed)
     rx, ry, rz = (dice.gauss(0.0, 1.0) for _ in range(3))
     variance = dice.uniform(0.01, 2.0)

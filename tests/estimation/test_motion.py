@@ -236,7 +236,7 @@ def test_a_bad_fix_is_refused_and_counted(bad: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("sigma", [1e3, 1e160, inf])
 def test_a_fix_that_is_uncertain_beyond_measure_is_refused(sigma: float) -> None:
-    """Its square is no number any more: believed once, it would be the end of the estimate."""
+    """Its square is no number any more: accepted once, it would be the end of the estimate."""
     state = settled()
     fix = fix_at(99, NOW, straight(NOW), STRAIGHT)._replace(sigma_m=sigma)
     after, _ = motion_step(GAINS, FRAME, state, mid(NOW, fix))
@@ -613,7 +613,7 @@ def test_attitudes_that_contradict_each_other_are_never_accepted() -> None:
     for _ in range(100):
         assert turns.tell(60.0).roll_rad == 0.0
         assert turns.tell(-60.0).roll_rad == 0.0
-    assert turns.state.attitude.time_s == pytest.approx(DT)  # as old as the last believed
+    assert turns.state.attitude.time_s == pytest.approx(DT)  # as old as the last accepted
 
 
 def test_the_same_attitude_again_is_no_second_witness() -> None:

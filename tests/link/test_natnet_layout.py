@@ -318,7 +318,7 @@ def test_any_bytes_never_raise(version: layout.Version, payload: bytes) -> None:
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("count", [-1, 65000, 2**31 - 1])
-def test_counts_are_not_believed(version: layout.Version, count: int) -> None:
+def test_counts_are_not_accepted(version: layout.Version, count: int) -> None:
     """Where a count claims more than is there, or more than is walked, nothing is read."""
     payload = struct.pack("<ii", 1, count) + bytes(65000)
     data = struct.pack("<HH", layout.FRAME, len(payload)) + payload

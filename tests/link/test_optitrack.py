@@ -270,7 +270,7 @@ def test_frames_that_are_numbered_anew_without_a_pause_make_it_ask_for_the_bodie
     assert len(hall.fixes) > count  # and it goes on
 
 
-def test_one_frame_with_another_clock_is_not_believed() -> None:
+def test_one_frame_with_another_clock_is_not_accepted() -> None:
     hall = Hall().run(1.0)
     count = len(hall.fixes)
 

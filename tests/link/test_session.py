@@ -98,7 +98,7 @@ def test_heartbeats_do_not_catch_up_after_a_pause() -> None:
     assert sum(len(talk.heartbeat_if_due(100.0 + i * 0.005)) for i in range(300)) == 2
 
 
-def test_only_the_vehicle_s_own_autopilot_is_believed() -> None:
+def test_only_the_vehicle_s_own_autopilot_is_accepted() -> None:
     talk = session()
     hear(
         talk,

@@ -446,7 +446,7 @@ def vision_session(**options: Any) -> Session:
     return session(sources=sources, vision_from=(BRIDGE,), **options)
 
 
-def test_a_position_overheard_from_a_bridge_that_is_believed() -> None:
+def test_a_position_overheard_from_a_bridge_that_is_accepted() -> None:
     talk = vision_session()
     covariance = (0.0004, *(0.0,) * 5, 0.0001, *(0.0,) * 4, 0.0009, *(0.0,) * 9)
     seen = VisionPositionEstimate(
@@ -528,7 +528,7 @@ wild_message = st.one_of(
         ),
     ]
 )
-def test_whatever_comes_samples_are_finite_and_only_of_whom_is_believed(
+def test_whatever_comes_samples_are_finite_and_only_of_whom_is_accepted(
     said: list[tuple[Inbound, Source, float]],
 ) -> None:
     for flavour in (ArduPilot, Px4Like):

@@ -45,7 +45,7 @@ _CHECKSUM: Final = b"# checksum: "
 
 
 class StoreError(ValueError):
-    """A file that cannot be believed; the message says why."""
+    """A file that cannot be trusted; the message says why."""
 
 
 class OtherVehicleError(StoreError):

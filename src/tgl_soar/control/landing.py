@@ -17,7 +17,7 @@ with heights over the place and Vf the best glide's speed, at which it flares.  
 height back before that, but must be paid first: that is the other term.  **The escape condition**
 is that some V of the polar has left(V) >= spare, in u + 2 sigma and c, and with no lift on the way:
 the moment before it ends is the last one to break off.  On the way home c is left out: while the
-nose goes from side to side its estimate is not good enough, and who believed it came down farther
+nose goes from side to side its estimate is not good enough, and who trusted it came down farther
 from the place (docs/outdoors.md).
 
 **The approach** is flown at the slowest V that still reaches the place, in the wind that is met:

@@ -61,7 +61,7 @@ LOW_S: Final = 0.3  # of the two seconds: a thermal's edge or an estimate's step
 class Lull(NamedTuple):
     """For how long the air has not carried, less for how long it has since.
 
-    Each counts to twice what ends a flight, so that air that carries again is believed as soon as
+    Each counts to twice what ends a flight, so that air that carries again is accepted as soon as
     air that does not: an hour of light wind with ESC_AUTO 0 must end nothing later.
     """
 

@@ -2,7 +2,7 @@
 
 One MAV_CMD_SET_MESSAGE_INTERVAL at a time, for its acknowledgement does not name the message.  On a
 slow line it may come when the next one is asked for already: a refusal that may be that of the one
-before is not believed until it comes once more.
+before is not accepted until it comes once more.
 A stream that does not come, or comes too slowly, is requested again, ever less often.  A rate that
 is refused is reported once, with the way out, and a lower one is requested.
 """

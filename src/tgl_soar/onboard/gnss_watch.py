@@ -2,7 +2,7 @@
 
 Only a site that counts on latitude and longitude asks: a local position may come from poses that
 somebody sends to the autopilot, while its receiver sees nothing in a hall.  A receiver that reports
-nothing is believed: many do not.  In flight a worse accuracy is reported and ends nothing, for
+nothing is accepted: many do not.  In flight a worse accuracy is reported and ends nothing, for
 a place that is wrong by some metres is still flown better than none.
 """
 

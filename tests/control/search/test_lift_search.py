@@ -174,7 +174,7 @@ def test_at_rest_it_does_not_give_up_whatever_the_map_says() -> None:
 
 def test_where_by_two_plans_every_line_is_lost_soon_it_gives_up() -> None:
     """Under the ceiling and climbing, for one: there is height to land, and nothing to wait for.
-    A rollout looks 23 s ahead here; in the highest box it is no longer than what is believed."""
+    A rollout looks 23 s ahead here; in the highest box it is no longer than what is trusted."""
     lost = GOOD._replace(chance=0.0, most_chance=0.0, stays=False, lasts_s=1.7)
     assert after(0.2, lost, climb_mps=1.0).status == LOOKING  # a lull, perhaps
     given_up = after(0.6, lost, climb_mps=1.0)

@@ -192,7 +192,7 @@ def test_fields_are_what_the_wind_s_trend_will_have_made_of_them() -> None:
     mean[0] = 9.0
     draws = np.tile(mean, (3, 1))
     fields = likely_fields(GRID, mean, draws, 0.95, np.array([0.9, 1.05, 0.5]))
-    factors = [*(0.95 * f for f in FACTORS), 0.9, 1.05, 0.8]  # no trend is believed without end
+    factors = [*(0.95 * f for f in FACTORS), 0.9, 1.05, 0.8]  # no trend is trusted without end
     assert fields.wind_mps[:, 0] == pytest.approx([9.0 * f for f in factors])
 
 

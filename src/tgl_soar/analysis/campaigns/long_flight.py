@@ -52,7 +52,7 @@ class LongFlight:
     ticks: int = 0
     expected_ticks: int = 0
     reboots: int = 0  # that the module took the wrap for
-    stale: int = 0  # frames that were not believed to be new
+    stale: int = 0  # frames that were not taken for new
     lost: int = 0  # frames by the gaps of their sequence
     ended: str = ""  # why it ended early
     wrapped: bool = False

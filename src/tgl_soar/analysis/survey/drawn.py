@@ -14,7 +14,7 @@ How certain f is follows from what is left: noise of the residuals' spectrum at 
 that is their variance times the time over which they are alike.  Two things belong to it that the
 residuals do not show.  f has followed the noise with as many of its freedoms as the penalty leaves
 it, so that of n / alike independent residuals that many are missing; and what the penalty has
-smoothed away is missing in f.  The penalty is what is believed of f beforehand, and f's posterior
+smoothed away is missing in f.  The penalty is the prior of f, and f's posterior
 covariance, s² (H'H + mu P)^-1, has both (Wahba, J. R. Stat. Soc. B 45, 1983).
 """
 

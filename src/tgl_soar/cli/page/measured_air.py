@@ -8,7 +8,7 @@ aircraft measures the hand, so that nothing is read before.
 The map is asked for its prediction a row of the grid at a time, so that no turn of the server waits
 for the whole of it.  A place is drawn where the map can tell one to soar at from one without any
 updraft: there E = −S, here E = 0, and both are two standard deviations of E apart.  The standard
-deviation is the one that the map claims, where it may be believed: within NEAR of the way that was
+deviation is the one that the map claims, where it may be trusted: within NEAR of the way that was
 flown its errors are 0.30 m/s in random tunnels and 0.17 m/s over random hills (docs/search.md),
 half of S and less; farther away they are as large as S, whatever it claims.
 

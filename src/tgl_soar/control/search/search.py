@@ -41,7 +41,7 @@ CLIMB_S: Final = 3.0  # over which the climb is averaged, or CLIMB_FRACTION of a
 CLIMB_FRACTION: Final = 0.25  # where the box is larger, so are the gusts, and all is slower
 # Chance of the best line: that of one field in eleven, as a rule of a wind a tenth stronger.
 HOPELESS: Final = 0.10
-HOPELESS_S: Final = 2.0  # so long before it is believed
+HOPELESS_S: Final = 2.0  # so long before it is accepted
 SOARS_WORTH: Final = 1.2  # of a rollout, with some margin: `plan.worths`
 FAILS_WORTH: Final = -0.6
 PLAN_EARLY_S: Final = 0.4
@@ -51,7 +51,7 @@ REACTION_S: Final = 0.4  # two looks, before the height is needed
 CEILING_S: Final = LOOK_S  # nothing is needed beyond it
 CEILING_CHANCE: Final = 1.0 / 3.0  # near a limit two to one against it is enough, as in `forecast`
 # Lost by every line within two early plans in a tunnel, as a share of a rollout's horizon, and
-# before it would be believed.
+# before it would be accepted.
 LOST_FRACTION: Final = 0.08
 GLIDE_SINK_MPS: Final = 1.4  # what a glider sinks, where it does not climb
 
@@ -134,7 +134,7 @@ def search_step(
     )
     lost = False
     if plan is not None:
-        # A lull of a second looks as if all were lost: two plans one after the other are believed.
+        # A lull of a second looks as if all were lost: two plans one after the other are accepted.
         soon = abs(climb_mps) > CLAIM_CLIMB_MPS and is_lost(plan, guards.box.height_m)
         lost = soon and state.lost
         state = _planned(state, plan)._replace(lost=soon)
