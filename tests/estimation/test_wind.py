@@ -346,6 +346,19 @@ def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
     assert worst[0] < 0.1
 
 
+def test_accelerations_that_always_come_too_late_are_as_good_as_none() -> None:
+    """Not worse: with neither theirs nor those of steady flight nothing would hold the airspeed."""
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    *_, (_, without) = glide.measured(8.0, imu=False, pitot=False)
+    state = initial_wind()
+    for n in range(1, round(8.0 / DT) + 1):
+        now = n * DT
+        inputs = inputs_at(now, imu_of(glide.state, glide.air, n, now - 0.12))
+        vehicle = vehicle_of(glide.state, now)
+        state, air = wind_step(PARAMS, state, vehicle, inputs, SURE, glide.elevator, False)
+    assert air == without
+
+
 def test_what_is_not_known_is_not_reported() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     vehicle, inputs = vehicle_of(glide.state, 1.0), inputs_at(1.0)

@@ -20,8 +20,8 @@ it where there is a new sample, so that every sensor may be missing or late:
     without a pitot the two forces alone give u and w, but near the stall the force's direction
     hardly changes with alpha, and the elevator that holds it there is more certain;
     beyond the stall the force is rough, and weighs as much as the flow is attached;
-    without accelerometers the force is that of steady flight, −Rᵀ g, give or take what
-    turbulence of a few per cent does (UNSTEADY_…).
+    without accelerometers, or where theirs come too late, the force is that of steady flight,
+    −Rᵀ g, give or take what turbulence of a few per cent does (UNSTEADY_…).
 
 Constant errors cannot be observed; they are considered (Schmidt's filter): the covariance of W's
 error with each is carried along, so that no sensor weighs more than its bias allows.
@@ -203,12 +203,12 @@ def wind_step(
     gravity = aero.gravity_mps2
     forces = 0
     fx, fz, noise_x, noise_z = 0.0, 0.0, FORCE_NOISE_MPS2, FORCE_NOISE_MPS2
-    if imu.sequence != state.imu_sequence:
-        if imu_valid and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
-            average = averaged(average, frame, motion, imu, gravity, _since(imu_time, now, dt))
-            fx, fz = unbiased(average, motion, imu)
-            imu_time = now
-            forces = 2
+    felt = imu_valid and imu.sequence != state.imu_sequence
+    if felt and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
+        average = averaged(average, frame, motion, imu, gravity, _since(imu_time, now, dt))
+        fx, fz = unbiased(average, motion, imu)
+        imu_time = now
+        forces = 2
     elif dt > 0.0 and not now - imu_time <= FORCE_AGE_MAX_S:
         fx, fz, noise_x, noise_z = _steady_force(frame, gravity, dt)
         forces = 2
