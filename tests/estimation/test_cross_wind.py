@@ -128,8 +128,7 @@ class Flown(NamedTuple):
     true_veer_rad: list[float]  # of the air at the aircraft
 
 
-@cache
-def flown(veer_max_deg: float) -> Flown:
+def turning(veer_max_deg: float) -> ClosedLoop:
     """Before the hill, in a wind that turns by 40 degrees at 2 degrees a second."""
     airframe_file, site_file = shipped("airframes/eclipson_c.toml"), shipped("sites/hill.toml")
     airframe, site = load_airframe(airframe_file), load_site(site_file)
@@ -140,7 +139,14 @@ def flown(veer_max_deg: float) -> Flown:
     record = WindRecord(Schedule([0.0], [7.0]), Schedule(times, [0.0, 0.0, radians(VEER_DEG)]))
     field = RecordedField(build_field(site.air), record)
     world = make_world(airframe, site, seed=4, turbulence=0.01, field=field)
-    loop = ClosedLoop(world, values)
+    return ClosedLoop(world, values)
+
+
+@cache
+def flown(veer_max_deg: float) -> Flown:
+    """In that wind."""
+    loop = turning(veer_max_deg)
+    world, field = loop.world, loop.world.field
     found = Flown(modes=set(), y_m=[], z_m=[], e_rho_m=[], veer_rad=[], true_veer_rad=[])
     for _ in range(round(END_S / DT_S)):
         output = loop.tick()
@@ -171,3 +177,15 @@ def test_without_it_the_aircraft_slips_through_the_air_and_sits_lower() -> None:
     slipping, facing = flown(0.0), flown(50.0)
     assert slipping.modes == {SOARING}
     assert fmean(facing.z_m) >= fmean(slipping.z_m) + 0.3
+
+
+def test_set_to_nothing_in_flight_nothing_of_the_estimate_is_left() -> None:
+    loop = turning(50.0)
+    for _ in range(100):
+        output = loop.tick()
+    assert output.active
+    memory = loop.state.memory
+    loop.state = loop.state._replace(memory=memory._replace(cross_wind_mps=3.0))
+    loop.change({"VEER_MAX": 0.0})
+    loop.tick()
+    assert loop.state.memory.cross_wind_mps == 0.0

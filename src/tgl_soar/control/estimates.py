@@ -124,8 +124,9 @@ def estimate(
         _elevator(inputs, flying, limited.command),
         is_imu_valid(before.motion, motion, inputs.time_s),
     )
-    cross_wind = before.cross_wind_mps if flying else 0.0
-    if laws.cross_wind.veer_max_rad > 0.0:
+    veers = laws.cross_wind.veer_max_rad > 0.0
+    cross_wind = before.cross_wind_mps if flying and veers else 0.0
+    if veers:
         if health.position_ok and flying:
             cross_wind = cross_wind_step(laws.cross_wind, cross_wind, vehicle, air, dt_s)
         air = air._replace(cross_wind_mps=cross_wind)
