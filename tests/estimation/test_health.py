@@ -584,6 +584,24 @@ def test_a_brake_is_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_si
     assert watch.reported == h.BRAKE
 
 
+def test_surfaces_are_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_silence() -> None:
+    def seen(sequence: int, time_s: float, elevator: float) -> SurfacesSample:
+        return SurfacesSample(
+            sequence=sequence, time_s=time_s, elevator=elevator, aileron=0.0, rudder=0.0
+        )
+
+    watch = Watch()
+    watch.flying = True
+    watch.run(256, surfaces=lambda i, k: seen(k, i.time_s, 0.0))
+    watch.run(1, surfaces=lambda i, k: seen(k, i.time_s, 1.0))
+    odd = watch.k
+    watch.run(round(0.9 * h.STALE_S / DT), surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
+    assert watch.reported == 0
+    assert watch.health.surfaces_answer == 1
+    watch.run(1, surfaces=lambda i, k: seen(k, i.time_s, 1.0))
+    assert watch.health.surfaces_answer == 0
+
+
 # --- words --------------------------------------------------------------------------------------
 
 

@@ -281,11 +281,12 @@ def health_step(
     if now - attitude.jump_s < FAULT_S and lasted > limits.frozen_s:  # false for NaN: none
         attitude_age = max(attitude_age, now - attitude.jumps_s)
     answer = -1  # not known
-    if surfaces.sequence > 0 and now - inputs.surfaces.time_s <= STALE_S:
-        answer = 0 if now - surfaces.dead_s > DEAD_S else 1
-    faults |= _reported_faults(inputs, tilt, answer)
     # Between two that were seen: one odd sample before a silence is none.
-    if inputs.surfaces.time_s - surfaces.brake_dead_s > BRAKE_DEAD_S:
+    seen_s = inputs.surfaces.time_s
+    if surfaces.sequence > 0 and now - seen_s <= STALE_S:
+        answer = 0 if seen_s - surfaces.dead_s > DEAD_S else 1
+    faults |= _reported_faults(inputs, tilt, answer)
+    if seen_s - surfaces.brake_dead_s > BRAKE_DEAD_S:
         faults |= BRAKE
     if motion.reckoning.now:
         faults |= RECKONED
