@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from math import degrees, isnan
+from math import degrees, isnan, radians
 
+import pytest
 from test_onboard import Flight
 
-from tgl_soar.onboard.instruments import ARRAY, float_array
+from tgl_soar.geometry import SoaringFrame
+from tgl_soar.onboard.instruments import ARRAY, float_array, wind_cov
+from tgl_soar.types import NO_AIR
 
 
 def test_the_array_holds_each_number_under_its_name() -> None:
@@ -47,3 +50,10 @@ def test_the_array_holds_each_number_under_its_name() -> None:
     assert (reported["age_pos"], reported["age_att"], reported["age_ap"]) == ages
     assert reported["imu_weight"] == output.imu_weight
     assert reported["faults"] == health.faults
+
+
+def test_the_wind_is_told_with_what_of_it_is_estimated_across() -> None:
+    west = SoaringFrame(0.0, 0.0, 0.0, radians(270.0))
+    air = NO_AIR._replace(wind_mps=7.0, cross_wind_mps=2.0, updraft_mps=1.0)
+    told = wind_cov(air, west, 1.0)  # to the right of who faces west is north
+    assert (told.wind_x, told.wind_y, told.wind_z) == pytest.approx((2.0, 7.0, -1.0))

@@ -291,8 +291,9 @@ def nav_controller_output(output: Output) -> NavControllerOutput:
 
 
 def wind_cov(air: AirEstimate, frame: SoaringFrame, vehicle_time_s: float) -> WindCov:
-    """The wind in local NED; across the site's x axis it is taken as none."""
-    north, east, down = ned_vector_from_soaring(frame, air.wind_mps, 0.0, air.updraft_mps)
+    """The wind in local NED; across the site's x axis none, unless it is estimated (VEER_MAX)."""
+    along, across, up = air.wind_mps, air.cross_wind_mps, air.updraft_mps
+    north, east, down = ned_vector_from_soaring(frame, along, across, up)
     return WindCov(
         time_usec=_stamp(vehicle_time_s, 1e6),
         wind_x=north,
