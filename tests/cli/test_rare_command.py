@@ -13,12 +13,15 @@ import pytest
 from typer.testing import CliRunner
 
 from tgl_soar.air.field import FloatArray
+from tgl_soar.air.grid import GridField
+from tgl_soar.air.grid_files import write_npz
 from tgl_soar.analysis.rare import kept
 from tgl_soar.analysis.rare.kramers import WellExit
-from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase
+from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import Passage
 from tgl_soar.cli import rare
 from tgl_soar.cli.app import app
+from tgl_soar.cli.console import AIRFRAME
 
 
 class Fallen(NamedTuple):
@@ -183,6 +186,54 @@ def test_what_was_kept_of_other_air_is_not_gone_on_with(tmp_path: Path) -> None:
         refused = CliRunner().invoke(app, [*words, "--resume", *other])
         assert refused.exit_code == 2, refused.output
         assert "of another" in " ".join(refused.stderr.split()), refused.stderr
+
+
+def gridded(folder: Path, updraft_mps: float) -> Path:
+    """A site whose air is a file beside it, as `site init` writes one."""
+    folder.mkdir(exist_ok=True)
+    x, z = np.linspace(-4.0, 4.0, 9), np.linspace(0.0, 4.0, 5)
+    still = np.ones((9, 5))
+    falling = updraft_mps - 0.5 * z - 0.1 * x[:, None]
+    wind = GridField(x, None, z, 8.5 * still, None, falling, reference_wind_mps=8.5)
+    write_npz(folder / "air.npz", wind)
+    site = folder / "site.toml"
+    site.write_text(
+        '[site]\nname = "grid"\n[air]\nkind = "grid"\nfile = "air.npz"\nwind_mps = 8.5\n'
+        "[start]\nx_m = 0.0\nz_m = 2.0\n[parameters]\nTGL_X = 0.0\nTGL_Z = 2.0\n"
+        "FENCE_X_MIN = -3.5\nFENCE_X_MAX = 3.5\nFENCE_Z_MIN = 0.5\nFENCE_Z_MAX = 3.5\n"
+        "FENCE_Y_MAX = 3.0\n",
+        encoding="utf-8",
+    )
+    return site
+
+
+def test_the_air_is_found_beside_the_site_file(tmp_path: Path) -> None:
+    case = rare._case(AIRFRAME, gridded(tmp_path / "hill", 2.4), None, 0.02, 1.0)
+    process = SoaringProcess(case)
+    assert process.prepared.world.field.reference_wind_mps == 8.5
+
+
+@pytest.mark.usefixtures("halving")
+def test_what_was_kept_of_an_air_whose_file_has_changed_is_not_gone_on_with(
+    tmp_path: Path,
+) -> None:
+    site = gridded(tmp_path / "hill", 2.4)
+    words = [*WORDS, "--effort", "60", "--ladders", "2", "--site", str(site)]
+    words += ["--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    gridded(tmp_path / "hill", 2.5)
+    refused = CliRunner().invoke(app, [*words, "--resume"])
+    assert refused.exit_code == 2, refused.output
+    assert "of another" in " ".join(refused.stderr.split()), refused.stderr
+
+
+@pytest.mark.usefixtures("halving")
+def test_a_site_without_air_is_refused(tmp_path: Path) -> None:
+    site = tmp_path / "bare.toml"
+    site.write_text('[site]\nname = "bare"\n', encoding="utf-8")
+    refused = CliRunner().invoke(app, [*WORDS, "--site", str(site), "--out", str(tmp_path)])
+    assert refused.exit_code == 2, refused.output
+    assert "no [air] table" in refused.stderr
 
 
 def test_without_numba_it_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,10 +45,12 @@ from tgl_soar.cli.flying import (
 )
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
+from tgl_soar.config.site import air_files
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.executors import WorkerLost
 from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.provenance import files_digest
 from tgl_soar.sim.campaign.run import Progress
 from tgl_soar.sim.compiled import available
 
@@ -127,6 +129,8 @@ def _case(
     airframe: Path, site: Path, line: str | None, turbulence: float, seconds: float
 ) -> SoaringCase:
     plane, place, values = files_of(airframe, site, line)
+    if place.air is None:
+        raise ConfigError(f"{site}: no [air] table, so there is no wind to fly in")
     return SoaringCase(
         airframe=plane,
         site=place,
@@ -134,17 +138,20 @@ def _case(
         sensors=SENSORS[EVERY_SENSOR],
         turbulence=turbulence,
         duration_s=seconds,
+        folder=site.parent,
     )
 
 
 def _manifest(case: SoaringCase) -> dict[str, Any]:
     """All that its flights depend on."""
+    assert case.site.air is not None
     return {
         "turbulence": case.turbulence,
         "duration_s": case.duration_s,
         "dispersed": case.dispersed,
         "airframe": digest(case.airframe),
         "site": digest(case.site),
+        "air": files_digest(air_files(case.site.air, case.folder or Path())),
         "autopilot": digest(case.values),
         "sensors": digest(case.sensors),
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ipaddress
 import itertools
 from math import dist, radians
+from pathlib import Path
 from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
@@ -148,6 +149,14 @@ class PolynomialAir(Strict, frozen=True, tag_field="kind", tag="polynomial"):
     def wind_mps(self) -> float:
         """The reference wind of the air that is followed."""
         return self.of.wind_mps
+
+
+def air_files(air: JetAir | HillAir | GridAir | PolynomialAir, folder: Path) -> list[Path]:
+    """The files that an air names, from the folder of the site file."""
+    if isinstance(air, PolynomialAir):
+        return air_files(air.of, folder)
+    names = [getattr(air, key, None) for key in ("file", "record")]
+    return [folder / name for name in names if name is not None]
 
 
 class Start(Strict, frozen=True):

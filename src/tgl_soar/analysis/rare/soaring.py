@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from math import exp, inf
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -75,6 +76,7 @@ class SoaringCase(NamedTuple):
     turbulence: float
     duration_s: float
     dispersed: bool = False  # each flight another aircraft than the file's, in other air
+    folder: Path | None = None  # of the site file, which names the files of its air from there
 
 
 class PartedFlight(NamedTuple):
@@ -95,7 +97,7 @@ class SoaringProcess:
         self.case = case
         site, values = case.site, case.values
         assert site.air is not None
-        field = build_field(site.air)
+        field = build_field(site.air, case.folder)
         self.laws: Laws = laws_from(
             values, site.frame(), case.airframe.aerodynamics(), site.known_ground()
         )

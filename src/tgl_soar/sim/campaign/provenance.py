@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -32,6 +33,16 @@ def _files() -> Iterator[Path]:
     yield from _PACKAGE.rglob("*.py")
     for folder in (_PACKAGE / "_config", _PACKAGE.parents[1] / "config"):
         yield from (path for path in folder.rglob("*") if path.is_file())
+
+
+def files_digest(paths: Iterable[Path]) -> str:
+    """Of files that jobs name and do not hold; one that cannot be read counts as empty: whoever
+    reads it says what is wrong with it."""
+    found = sha256()
+    for path in paths:
+        with suppress(OSError):
+            found.update(sha256(path.read_bytes()).digest())
+    return found.hexdigest()[:16]
 
 
 @cache
