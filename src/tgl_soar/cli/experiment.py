@@ -38,10 +38,12 @@ from tgl_soar.cli.flying import (
     flight_bar,
     to_resume,
 )
-from tgl_soar.config.files import ConfigError
+from tgl_soar.config.files import ConfigError, load_site
+from tgl_soar.config.site import air_files
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import WorkerLost
 from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.provenance import files_digest
 
 FLIGHTS = "flights"  # of --out
 
@@ -106,7 +108,7 @@ def experiment(
     run = run_experiment if docs is None else run_whole
     begun = time.monotonic()
     results: list[Result] = []
-    folder = FlownFolder(to_resume(out / FLIGHTS, resume), resume=resume, restart=restart)
+    folder = _folder(out, field, resume=resume, restart=restart)
     executor = executor_of(workers, scheduler)
     try:
         with closing(folder), flight_bar(names[0]) as bar:
@@ -140,6 +142,19 @@ def experiment(
     )
     _print_figures(figures)
     _write_pages(docs, results)
+
+
+def _folder(out: Path, field: Path | None, *, resume: bool, restart: bool) -> FlownFolder:
+    """Where flights are kept; at a site file by what it and the files of its air say."""
+    named = ""
+    if field is not None:
+        try:
+            air = load_site(field).air
+        except ConfigError as error:
+            fail(error)
+        named = files_digest([field, *(air_files(air, field.parent) if air is not None else ())])
+    path = to_resume(out / FLIGHTS, resume)
+    return FlownFolder(path, resume=resume, restart=restart, named=named)
 
 
 def _put_out(name: str, result: Result, out: Path) -> None:

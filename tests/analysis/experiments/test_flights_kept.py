@@ -7,14 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from tgl_soar.analysis.experiments import flights
 from tgl_soar.analysis.experiments.aircraft import dispersed, identification
 from tgl_soar.analysis.experiments.aircraft.dispersed import LinearMargin
+from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates import estimator_flights, wind_estimate
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer, ScenarioJob
 from tgl_soar.analysis.experiments.lift import nowhere, powered_search, search
+from tgl_soar.analysis.experiments.result import Result
 from tgl_soar.analysis.experiments.scenario import load_scenario
+from tgl_soar.cli import experiment
+from tgl_soar.cli.app import app
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.campaign.encoding import decoder, digest, result_type
 from tgl_soar.sim.campaign.executors import InLine
@@ -122,6 +127,43 @@ def test_one_that_is_flown_again_and_stopped_can_be_gone_on_with(tmp_path: Path)
     flown.clear()
     assert fly_twice(FlownFolder(tmp_path, resume=True)) == first
     assert flown == [3]
+
+
+def test_another_site_by_the_same_name_is_another_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A job holds the path of --field, and not what stands there, nor in the files of its air."""
+    flown.clear()
+    site, wind = tmp_path / "site.toml", tmp_path / "hour.csv"
+    site.write_text(
+        '[site]\nname = "hill"\n[air]\nkind = "hill"\nwind_mps = 7.0\nradius_m = 8.0\n'
+        'record = "hour.csv"\n'
+    )
+    wind.write_text("time_s,wind_mps,veer_deg\n0,7,0\n")
+
+    def stopped(_name: str, context: Context) -> Result:
+        context.flyer.each(margin, [1, 2])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(experiment, "run_experiment", stopped)
+    words = ["experiment", "places", "--field", str(site), "--workers", "0", "--quick"]
+    words += ["--out", str(tmp_path / "out")]
+    assert CliRunner().invoke(app, words).exit_code == 130
+    assert CliRunner().invoke(app, [*words, "--resume"]).exit_code == 130
+    assert flown == [1, 2]
+    whole = site.read_text()
+    for changed, text in (
+        (site, whole.replace("7.0", "6.0")),
+        (wind, wind.read_text() + "9,8,0\n"),
+    ):
+        kept = changed.read_text()
+        changed.write_text(text)
+        refused = CliRunner().invoke(app, [*words, "--resume"])
+        assert refused.exit_code == 2, refused.output
+        assert "flights of another campaign" in refused.stderr
+        changed.write_text(kept)
+    assert CliRunner().invoke(app, [*words, "--resume"]).exit_code == 130
+    assert flown == [1, 2]
 
 
 def test_other_jobs_are_another_campaign(tmp_path: Path) -> None:

@@ -387,8 +387,13 @@ class FlownFolder:
     its flights again by their number.
     """
 
-    def __init__(self, path: Path, *, resume: bool = False, restart: bool = False) -> None:
+    def __init__(
+        self, path: Path, *, resume: bool = False, restart: bool = False, named: str = ""
+    ) -> None:
+        """named: digest of the files that jobs name and do not hold; "": they name none but what
+        is shipped."""
         self.path = path
+        self._named = {"files": named} if named else {}
         self._options = {"resume": resume, "restart": restart}
         self._experiment = ""
         self._lists = 0
@@ -409,7 +414,7 @@ class FlownFolder:
             name=f"{self._experiment} {name}",
             fly=fly,
             jobs=jobs,
-            parameters={"experiment": self._experiment, "jobs": digest(jobs)},
+            parameters={"experiment": self._experiment, "jobs": digest(jobs), **self._named},
             seeds=(min(seeds), max(seeds)) if seeds else None,
         )
         path = self.path / self._experiment / name
