@@ -140,6 +140,20 @@ def test_other_options_are_another_task() -> None:
     assert digest(TASK._replace(workers=2)) == digest(TASK)
 
 
+def test_another_wind_record_is_another_task(tmp_path: Path) -> None:
+    """The site file names it, and stays the same."""
+    site, record = tmp_path / "site.toml", tmp_path / "hour.csv"
+    site.write_text(
+        '[site]\nname = "hill"\n[air]\nkind = "hill"\nwind_mps = 7.0\nradius_m = 8.0\n'
+        'record = "hour.csv"\n'
+    )
+    record.write_text("time_s,wind_mps,veer_deg\n0,7,0\n")
+    before = digest(TASK._replace(site_path=site))
+    assert digest(TASK._replace(site_path=site)) == before
+    record.write_text("time_s,wind_mps,veer_deg\n0,6,0\n")
+    assert digest(TASK._replace(site_path=site)) != before
+
+
 # --- in flight -----------------------------------------------------------------------------------
 
 FIELD = flights.FlyingPlace(airframe=AIRFRAME, site_path=SITE_PATH, ranges=Ranges(), duration_s=1.0)

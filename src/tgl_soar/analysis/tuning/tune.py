@@ -51,8 +51,11 @@ from tgl_soar.analysis.tuning.search import (
     stored,
 )
 from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.files import load_site
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+from tgl_soar.config.site import air_files
 from tgl_soar.sim.campaign.executors import Executor, local
+from tgl_soar.sim.campaign.provenance import files_digest
 from tgl_soar.sim.campaign.run import fly_all
 
 CHUNK = 8  # flights between two savings of progress
@@ -126,10 +129,12 @@ Report = Callable[[str, float], None]  # what is being done, and how much of it,
 
 def digest(task: Task) -> str:
     """Of all that the result depends on."""
+    air = load_site(task.site_path).air
     parts = [
         __version__,
         msgspec.json.encode(task.airframe).decode(),
         task.site_path.read_text(encoding="utf-8"),
+        files_digest(air_files(air, task.site_path.parent) if air is not None else ()),
         repr([(p.name, task.values[p.name]) for p in PARAMETERS]),
         repr((task.lean_deg, task.seed, task.effort, task.floor, task.ranges)),
     ]
