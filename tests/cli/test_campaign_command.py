@@ -106,6 +106,21 @@ def test_stopped_and_gone_on_with_it_flies_every_flight_once(
     assert [run["from"] for run in manifest["runs"]] == [0, 17]
 
 
+def test_a_page_that_cannot_be_written_is_said_before_anything_is_flown(
+    command: Command, tmp_path: Path
+) -> None:
+    """Not after hours, by a traceback."""
+    page = tmp_path / "safety.md"
+    for text in ("", drawn_faults.MARKS[0], drawn_faults.DISPERSED_MARKS[0]):
+        page.write_text(text)
+        refused = command("--docs", str(tmp_path))
+        assert refused.exit_code == 2, refused.output
+        assert str(page) in refused.stderr
+        assert drawn_faults.MARKS[1] in refused.stderr
+    assert not flown
+    assert not (tmp_path / "out").exists()
+
+
 def test_every_flight_is_a_row(command: Command, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     command()

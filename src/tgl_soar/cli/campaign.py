@@ -33,6 +33,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
+    page_to_write,
     to_resume,
 )
 from tgl_soar.cli.rare import rare
@@ -83,9 +84,8 @@ def faults(
     Every flight is kept as it is flown: if it is stopped or killed, --resume goes on. In the end
     each is a row of rows.parquet; see `campaign report`.
     """
-    page = docs / "safety.md" if docs is not None else None
-    if page is not None and not page.is_file():
-        fail(f"--docs {docs}: there is no {page}")
+    marks = drawn_faults.DISPERSED_MARKS if dispersion else drawn_faults.MARKS
+    page = None if docs is None else page_to_write(docs, "safety.md", marks)
     if page is not None and model is not None:
         fail("--docs goes without --model: the tables are of the airframe file's own")
     if dispersion and model == FlightModel.POINT_MASS:

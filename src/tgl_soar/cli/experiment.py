@@ -23,7 +23,14 @@ from tgl_soar.analysis.experiments.catalogue import (
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
-from tgl_soar.analysis.experiments.pages import IMAGES, OWN_PAGES, counted, pages, with_result
+from tgl_soar.analysis.experiments.pages import (
+    IMAGES,
+    OWN_PAGES,
+    counted,
+    marks,
+    pages,
+    with_result,
+)
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
 from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say, show
@@ -36,6 +43,7 @@ from tgl_soar.cli.flying import (
     Workers,
     executor_of,
     flight_bar,
+    page_to_write,
     to_resume,
 )
 from tgl_soar.config.files import ConfigError, load_site
@@ -207,8 +215,8 @@ def _refuse(
         fail(
             f"--docs goes with {names}, without --quick: a page holds all of its experiments whole"
         )
-    if docs is not None and name in OWN_PAGES and not (docs / OWN_PAGES[name]).is_file():
-        fail(f"--docs {docs}: there is no {docs / OWN_PAGES[name]}")
+    if docs is not None and name in OWN_PAGES:
+        page_to_write(docs, OWN_PAGES[name], marks(name))
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows all of them")
     if dispersion and (name in TOGETHER or docs is not None or model == FlightModel.POINT_MASS):

@@ -13,6 +13,7 @@ from typing import Annotated, Final
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
 
+from tgl_soar.analysis.experiments.pages import between
 from tgl_soar.cli.console import errors, fail, hint
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import line_parameters, load_flight
@@ -82,6 +83,18 @@ def to_resume(folder: Path, resume: bool) -> Path:
             " folder of that run with --out"
         )
     return folder
+
+
+def page_to_write(docs: Path, name: str, marks: tuple[str, str]) -> Path:
+    """A page with marks to write between; ends, before anything is flown, where there is none."""
+    page = docs / name
+    if not page.is_file():
+        fail(f"--docs {docs}: there is no {page}")
+    try:
+        between(page.read_text(encoding="utf-8"), *marks, "")
+    except (OSError, ValueError) as error:
+        fail(f"--docs {docs}: {page}: {error}")
+    return page
 
 
 class FlightBar:

@@ -223,6 +223,18 @@ def test_what_does_not_go_together_is_refused(
     assert why in " ".join(refused.stderr.split())
 
 
+def test_a_page_without_marks_is_said_before_anything_is_flown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(experiment_command, "run_whole", lambda *_: pytest.fail("it flies"))
+    page = tmp_path / "margins.md"
+    page.write_text("# Margins\n")
+    words = ["experiment", "margins", "--docs", str(tmp_path), "--out", str(tmp_path / "out")]
+    refused = run.invoke(app, words)
+    assert refused.exit_code == 2, refused.output
+    assert f"{page}: no marks '<!-- margins: begin" in refused.stderr
+
+
 def test_a_site_file_gives_its_air_to_the_places(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

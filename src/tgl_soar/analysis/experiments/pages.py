@@ -76,12 +76,16 @@ def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
 
 def with_result(text: str, result: Result) -> str:
     """A page with an experiment's section between its marks.  Errors: ValueError without them."""
-    name = result.name
-    begin = f"<!-- {name}: begin; written by `tgl-soar experiment {name} --docs docs` -->"
     section = as_markdown(result, IMAGES).partition("\n")[2]  # the page has a heading of its own
     if DISPERSED_AIRCRAFT in result.also:
         section += f"\n{DISPERSED_WORDS}\n"
-    return between(text, begin, f"<!-- {name}: end -->", section)
+    return between(text, *marks(result.name), section)
+
+
+def marks(name: str) -> tuple[str, str]:
+    """Between which an experiment's section stands on a page of `OWN_PAGES`."""
+    begin = f"<!-- {name}: begin; written by `tgl-soar experiment {name} --docs docs` -->"
+    return begin, f"<!-- {name}: end -->"
 
 
 def between(text: str, begin: str, end: str, written: str) -> str:
