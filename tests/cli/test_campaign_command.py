@@ -121,6 +121,14 @@ def test_a_page_that_cannot_be_written_is_said_before_anything_is_flown(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_timeline_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    words = ["campaign", "timeline", "--out", str(tmp_path / "file" / "deeper" / "figure.png")]
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code == 2, refused.output
+    assert "Not a directory" in refused.stderr
+
+
 def test_every_flight_is_a_row(command: Command, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     command()

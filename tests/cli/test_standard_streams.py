@@ -46,3 +46,13 @@ def test_no_words_for_the_console_go_into_the_serial_line(
     assert decoder.counters.frames > 0
     assert decoder.counters.skipped_bytes == 0  # every byte belongs to a frame
     assert b"tgl_soar: " not in came
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is full, as Linux has it")
+def test_a_full_disk_is_said_in_a_line() -> None:
+    with Path("/dev/full").open("wb") as full:
+        words = [sys.executable, "-m", "tgl_soar.cli", "polar", "show"]
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert done.returncode == 2
+    said = done.stderr.decode().splitlines()
+    assert said == ["error: No space left on device: what was being written is not whole"]

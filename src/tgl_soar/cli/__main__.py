@@ -6,6 +6,7 @@ command line's own libraries never load on board.
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import sys
@@ -14,12 +15,14 @@ from typing import Final
 from tgl_soar.onboard import standard_streams
 
 INTERPRETED: Final = "--interpreted"
+FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 
 
 def main() -> None:
     """Entry point of `tgl-soar`.
 
-    Where nobody reads on (`tgl-soar … | head`), it ends without a word about it.
+    Where nobody reads on (`tgl-soar … | head`), it ends without a word about it, and where the disk
+    is full (`tgl-soar … > file`), with one.
     """
     standard_streams.reserve()
     try:
@@ -31,6 +34,12 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for Python's own flush
         raise SystemExit(128 + signal.SIGPIPE) from None
+    except OSError as error:
+        if error.errno not in FULL or sys.argv[1:2] == ["run"]:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(f"error: {error.strerror}: what was being written is not whole", file=sys.stderr)
+        raise SystemExit(2) from None
 
 
 def _command() -> None:

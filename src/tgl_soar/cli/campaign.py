@@ -236,8 +236,12 @@ def timeline(
     ),
 ) -> None:
     """Draw a flight with one drop-out of the position, and one that the pilot takes over."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if not _draw(out):
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        drawn = _draw(out)
+    except (OSError, ValueError) as error:
+        fail(f"--out {out}: no figure: {error}")
+    if not drawn:
         raise typer.Exit(1)
 
 

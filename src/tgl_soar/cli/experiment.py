@@ -162,14 +162,20 @@ def _folder(out: Path, field: Path | None, *, resume: bool, restart: bool) -> Fl
             fail(error)
         named = files_digest([field, *(air_files(air, field.parent) if air is not None else ())])
     path = to_resume(out / FLIGHTS, resume)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        fail(f"--out {out}: cannot be written: {error.strerror}; name another folder")
     return FlownFolder(path, resume=resume, restart=restart, named=named)
 
 
 def _put_out(name: str, result: Result, out: Path) -> None:
     """Print it, and write its numbers."""
     text = json.dumps(as_json(result), indent=1, ensure_ascii=False)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+    try:
+        (out / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        fail(f"{out / name}.json: cannot be written: {error.strerror}")
     _print(result)
     for also in result.also.values():
         _print(also)

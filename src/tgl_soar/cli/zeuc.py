@@ -88,9 +88,7 @@ def zeuc(
         "contour_m": [part for part in parts if len(part) > 2],
         "versions": versions(),
     }
-    out.parent.mkdir(parents=True, exist_ok=True)
-    data = out.with_suffix(".json")
-    data.write_text(json.dumps(plain(numbers), indent=1) + "\n", encoding="utf-8")
+    data = _written(out, numbers)
     try:
         from tgl_soar.analysis.report.zeuc_figure import DrawnLine, zeuc_figure
 
@@ -107,11 +105,24 @@ def zeuc(
             f"{place.site.name}, {loaded.airframe.name}",
             ground_outline(place.air),
         )
-    except (ImportError, ValueError) as error:
+    except ImportError as error:
         hint(f"no figure: {error}")
         console.print(f"numbers in {data}")
+    except (OSError, ValueError) as error:  # a full disk, a name of no format
+        fail(f"--out {out}: no figure: {error}; numbers in {data}")
     else:
         say(f"map in {out}, numbers in {data}")
+
+
+def _written(out: Path, numbers: dict[str, Any]) -> Path:
+    """The file with the numbers beside a figure; ends where it cannot be written."""
+    data = out.with_suffix(".json")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        data.write_text(json.dumps(plain(numbers), indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        fail(f"--out {out}: cannot be written: {error.strerror}")
+    return data
 
 
 def _lines(

@@ -38,6 +38,26 @@ def test_zeuc_writes_a_map_and_its_numbers(tmp_path: Path) -> None:
     assert numbers["versions"]["tgl_soar"]
 
 
+@pytest.mark.parametrize("words", [["zeuc"], ["experiment", "field", "--quick", "--workers", "0"]])
+def test_where_nothing_can_be_written_it_is_said(words: list[str], tmp_path: Path) -> None:
+    there = tmp_path / "file"
+    there.touch()
+    refused = run.invoke(app, [*words, "--out", str(there / "deeper" / "map.png")])
+    assert refused.exit_code == 2, refused.output
+    assert (
+        f"--out {there / 'deeper' / 'map.png'}: cannot be written: Not a directory"
+        in refused.stderr
+    )
+
+
+def test_zeuc_names_the_format_that_it_cannot_draw(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures need matplotlib")
+    refused = run.invoke(app, ["zeuc", "--out", str(tmp_path / "map.xyz")])
+    assert refused.exit_code == 2, refused.output
+    assert "no figure: Format 'xyz' is not supported" in refused.stderr
+    assert (tmp_path / "map.json").is_file()
+
+
 def test_zeuc_takes_lines_and_leans(tmp_path: Path) -> None:
     out = tmp_path / "map.svg"
     arguments = ["--line", "0.2,1.2,15", "--line", "0.6,1.7,15", "--lean", "25"]
