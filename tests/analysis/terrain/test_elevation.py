@@ -131,6 +131,20 @@ def test_a_geotiff_has_its_heights_in_the_middle_of_its_pixels(tmp_path: Path) -
         local_terrain(path, 45.0, 7.55, 500.0)
 
 
+@pytest.mark.parametrize("void", [-9999.0, -32768.0, 3.4e38])
+def test_a_void_by_another_name_is_refused_where_the_file_has_none_for_it(
+    tmp_path: Path, void: float
+) -> None:
+    heights = np.full((20, 20), 500.0, dtype=np.float32)
+    heights[10, 10] = void
+    transform = _origin(7.0, 47.0, 0.01)
+    path = geotiff(tmp_path / "model.tif", heights, nodata=None, transform=transform)
+    found = local_terrain(path, 46.925, 7.025, 1000.0)
+    assert found.home.altitude_m == 500.0
+    with pytest.raises(ElevationError, match="a void"):
+        local_terrain(path, 46.897, 7.104, 1000.0)
+
+
 def test_a_geotiff_must_say_where_it_lies_and_be_in_metres(tmp_path: Path) -> None:
     heights = np.full((50, 50), 300.0, dtype="f4")
     bare = geotiff(tmp_path / "bare.tif", heights, crs=None, transform=_origin(7.5, 46.5, 0.001))

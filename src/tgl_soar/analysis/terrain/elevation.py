@@ -33,6 +33,7 @@ from tgl_soar.link.tangent_plane import Home
 
 FARTHEST_M: Final = 3000.0  # from the home, at which the plane above is good to 1 cm
 
+LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of any ground on the earth; what is beyond is a void
 _A_M: Final = 6_378_137.0
 _E2: Final = (2.0 - 1.0 / 298.257223563) / 298.257223563
 _SIDES: Final = (1201, 3601)
@@ -57,7 +58,10 @@ class Elevation:
         self, name: str, heights_m: FloatArray, to_grid: _ToGrid, spacing_m: float, held: str
     ) -> None:
         self.name, self.spacing_m = name, spacing_m
-        self._heights, self._to_grid, self._held = heights_m, to_grid, held
+        # -9999, -32768, 1e38: what a void is called where the file does not say what it is called.
+        ground = (heights_m >= LOWEST_M) & (heights_m <= HIGHEST_M)
+        self._heights = np.where(ground, heights_m, np.nan)
+        self._to_grid, self._held = to_grid, held
 
     def height_m(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> FloatArray:
         """Heights above mean sea level [m].  Errors: `ElevationError`."""
