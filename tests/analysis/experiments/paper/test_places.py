@@ -22,6 +22,7 @@ from tgl_soar.analysis.experiments.paper.places import (
     _row,
     in_its_wind,
     place_claims,
+    places,
     places_why,
     stepped,
     wind_slope,
@@ -90,6 +91,18 @@ def test_a_place_that_no_wind_has_is_refused(scenario: Scenario, tmp_path: Path)
     still.write_text('[site]\nname = "no air"\n')
     with pytest.raises(ConfigError, match=r"no \[air\] table"):
         in_its_wind(scenario, still, "a")
+
+
+def test_a_site_by_the_name_of_one_that_is_flown_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A changed copy of the hill would be flown in the hill's place, and named as it."""
+    monkeypatch.setattr(Context, "fly", lambda *_: pytest.fail("it is flown"))
+    site = tmp_path / "mine.toml"
+    text = shipped("sites/hill.toml").read_text(encoding="utf-8")
+    site.write_text(text.replace("wind_mps = 7.0", "wind_mps = 6.9"), encoding="utf-8")
+    with pytest.raises(ConfigError, match="a shipped site has it"):
+        places(Context(flyer=Flyer(), field=site))
 
 
 def test_a_computed_plane_is_searched_within_its_fence(scenario: Scenario, tmp_path: Path) -> None:

@@ -110,6 +110,12 @@ def places(context: Context) -> Result:
     """Fly all three in every air."""
     scenario = context.scenario("places")
     sites = [*map(shipped, SITES), *([] if context.field is None else [context.field])]
+    names = [load_site(site).site.name for site in sites]
+    if names[-1] in names[:-1]:
+        raise ConfigError(
+            f"{sites[-1]}: site.name = {names[-1]!r}: a shipped site has it, and its flights are"
+            " told apart by it: give it another name"
+        )
     here = {
         (load_site(site).site.name, line): in_its_wind(scenario, site, line)
         for site in sites
