@@ -102,7 +102,7 @@ def inputs(**status: Any) -> Inputs:
 
 ALL = (
     s.ENGAGE
-    | s.STREAMS_SEEN
+    | s.STREAMS_ARRIVED
     | s.POSITION_FRESH
     | s.POSITION_KEPT
     | s.POSITION_SANE
@@ -124,9 +124,9 @@ ALL = (
         ({}, {}, nan, s.POSITION_KEPT),
         ({}, {}, 51.0, s.POSITION_KEPT),  # the clock has gone back
         ({"position_age_s": 1.1}, {}, 49.9, s.POSITION_KEPT),
-        ({"position_age_s": inf}, {}, 49.9, s.STREAMS_SEEN | s.POSITION_KEPT),
-        ({"attitude_age_s": inf}, {}, 49.9, s.STREAMS_SEEN),
-        ({"heartbeat_age_s": inf}, {}, 49.9, s.STREAMS_SEEN),
+        ({"position_age_s": inf}, {}, 49.9, s.STREAMS_ARRIVED | s.POSITION_KEPT),
+        ({"attitude_age_s": inf}, {}, 49.9, s.STREAMS_ARRIVED),
+        ({"heartbeat_age_s": inf}, {}, 49.9, s.STREAMS_ARRIVED),
         ({"position_ok": False}, {}, 49.9, s.POSITION_FRESH),
         ({"attitude_ok": False}, {}, 49.9, s.ATTITUDE_FRESH),
         ({"autopilot_ok": False}, {}, 49.9, s.AUTOPILOT_ALIVE),

@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from tgl_soar.control import landing
+from tgl_soar.control.airspeed_error import NO_AIRSPEED_ERROR
 from tgl_soar.control.landing import (
     NO_GLIDE,
     GlidePitches,
@@ -22,8 +23,8 @@ from tgl_soar.control.landing import (
     approach_speed,
     escape_height,
     float_length,
+    glide_setpoints,
     glide_step,
-    glide_wish,
     half_width,
     height_left,
     slowest,
@@ -32,7 +33,6 @@ from tgl_soar.control.landing import (
     to_abeam,
     weave,
 )
-from tgl_soar.control.turning_airspeed import NO_TURNING
 from tgl_soar.control.weaving import mean_cosine
 from tgl_soar.control.wind_triangle import ground_speed
 from tgl_soar.types import NO_AIR, AirEstimate, GlidePolar, VehicleState, polar_sink
@@ -62,7 +62,7 @@ PARAMS = LandingParams(
     speed_min_mps=6.0,
     heading_max_rad=radians(25.0),
     sigmas=2.0,
-    wind_share=0.9,
+    wind_fraction=0.9,
     glide_pitch_rad=radians(-4.0),
     side_max_m=60.0,
     tilt_max_rad=radians(60.0),
@@ -380,10 +380,10 @@ def test_it_turns_back_where_the_turn_would_end_beyond_its_width(goes_right: boo
 PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15)
 
 
-def wish(state: GlideState, felt: AirEstimate, **changes: Any) -> landing.GlideWish:
+def setpoints(state: GlideState, felt: AirEstimate, **changes: Any) -> landing.GlideSetpoints:
     options: dict[str, Any] = {"outward": False, "position_ok": True, "clearance_m": inf}
     options |= {"vehicle": at(), "pitches": PITCHES} | changes
-    return glide_wish(
+    return glide_setpoints(
         PARAMS,
         state,
         options["outward"],
@@ -397,20 +397,20 @@ def wish(state: GlideState, felt: AirEstimate, **changes: Any) -> landing.GlideW
 
 def test_the_pitch_is_the_glide_s_and_what_the_speed_is_off() -> None:
     state = GLIDING._replace(integral_rad=0.01)
-    assert wish(state, air()).pitch_rad == pytest.approx(-0.05 + 0.01 + 0.05 * (8.8 - 9.0))
-    assert wish(state, air(airspeed_mps=nan)).pitch_rad == pytest.approx(-0.04)
+    assert setpoints(state, air()).pitch_rad == pytest.approx(-0.05 + 0.01 + 0.05 * (8.8 - 9.0))
+    assert setpoints(state, air(airspeed_mps=nan)).pitch_rad == pytest.approx(-0.04)
     unknown = PITCHES._replace(wanted_rad=nan)
-    assert wish(state, air(), pitches=unknown).pitch_rad == pytest.approx(
+    assert setpoints(state, air(), pitches=unknown).pitch_rad == pytest.approx(
         radians(-4.0) + 0.01 + 0.05 * (8.8 - 9.0)
     )
     # An airspeed that nobody measures may lower the nose and raise it no further than the slowest.
     quick = air(airspeed_mps=9.8, measured=False)
-    assert wish(state, quick).pitch_rad == -0.03
-    assert wish(state, quick._replace(measured=True)).pitch_rad == pytest.approx(0.0)
+    assert setpoints(state, quick).pitch_rad == -0.03
+    assert setpoints(state, quick._replace(measured=True)).pitch_rad == pytest.approx(0.0)
     down = GLIDING._replace(recovers_s=0.5)
-    assert wish(down, air()).pitch_rad == -0.15
+    assert setpoints(down, air()).pitch_rad == -0.15
     lost = PITCHES._replace(fastest_rad=nan)
-    assert wish(down, air(), pitches=lost).pitch_rad == pytest.approx(radians(-4.0))
+    assert setpoints(down, air(), pitches=lost).pitch_rad == pytest.approx(radians(-4.0))
 
 
 @pytest.mark.parametrize(("height_m", "sink_sp"), [(0.9, 0.9), (0.2, 0.4)])
@@ -418,9 +418,9 @@ def test_the_flare_holds_a_sink_that_dies_out_with_the_height(
     height_m: float, sink_sp: float
 ) -> None:
     state = GLIDING._replace(flares=True)
-    found = wish(state, air(), clearance_m=height_m, vehicle=at(climb_mps=-1.1))
+    found = setpoints(state, air(), clearance_m=height_m, vehicle=at(climb_mps=-1.1))
     assert found.pitch_rad == pytest.approx(-0.05 + 3.0 * (1.1 - sink_sp) / 8.8)
-    over_place = wish(state, air(), vehicle=at(climb_mps=-1.1, z_m=1.0 + height_m))
+    over_place = setpoints(state, air(), vehicle=at(climb_mps=-1.1, z_m=1.0 + height_m))
     assert over_place.pitch_rad == pytest.approx(found.pitch_rad)
 
 
@@ -429,7 +429,7 @@ def test_sideways_it_returns_to_the_approach_in_two_seconds_and_no_faster_than_3
         vehicle = at(
             x_m=-27.0 + 7.0 * cos(B) + right_m * sin(B), y_m=2.0 - 7.0 * sin(B) + right_m * cos(B)
         )
-        found = wish(GLIDING, air(), vehicle=vehicle)
+        found = setpoints(GLIDING, air(), vehicle=vehicle)
         forward = ground_speed(8.8, 6.0, 0.0, B)
         wanted = forward * sin(B) + back * cos(B)
         assert found.sideways_mps == pytest.approx(wanted)
@@ -440,30 +440,30 @@ def test_sideways_it_returns_to_the_approach_in_two_seconds_and_no_faster_than_3
 
 
 def test_on_the_way_out_it_flies_along_the_way_out_and_weaving_along_its_nose() -> None:
-    out = wish(GLIDING, air(), outward=True)
+    out = setpoints(GLIDING, air(), outward=True)
     assert out.sideways_mps == pytest.approx(
         ground_speed(8.8, 6.0, 0.0, radians(-10.0)) * sin(radians(-10.0))
     )
-    weaving = wish(GLIDING._replace(weave_rad=-0.6), air())
+    weaving = setpoints(GLIDING._replace(weave_rad=-0.6), air())
     assert weaving.heading_rad == -0.6
     assert weaving.sideways_mps == pytest.approx(-8.8 * sin(0.6))
-    blind = wish(GLIDING, air(), position_ok=False)
+    blind = setpoints(GLIDING, air(), position_ok=False)
     assert blind[1:] == (0.0, 0.0, 0.0)
     # Against a wind that it hardly beats it is taken to advance by half a metre each second.
-    against = wish(GLIDING, air(wind_mps=8.6), outward=True)
+    against = setpoints(GLIDING, air(wind_mps=8.6), outward=True)
     assert against.sideways_mps == pytest.approx(0.5 * sin(radians(-10.0)))
 
 
 def test_a_weave_may_bank_steeper_the_higher_it_is() -> None:
     """By half as much from 10.5 m over the place on, where turns have told the speed."""
-    told = NO_TURNING._replace(weight=1e4, by_nose2=1e4)
-    state = GLIDING._replace(weave_rad=0.5, turning=told)
+    shown = NO_AIRSPEED_ERROR._replace(weight=1e4, by_nose2=1e4)
+    state = GLIDING._replace(weave_rad=0.5, airspeed_error=shown)
     blind = air(measured=False)
     for over_m, steeper in ((10.5, 0.5), (9.5, 0.25), (8.5, 0.0), (20.0, 0.5)):
-        found = wish(state, blind, vehicle=at(z_m=1.0 + over_m))
+        found = setpoints(state, blind, vehicle=at(z_m=1.0 + over_m))
         assert found.steeper == pytest.approx(steeper), over_m
-    assert wish(state, air()).steeper == 0.0
-    assert wish(state._replace(turning=NO_TURNING), blind).steeper == 0.0  # 1.5 m/s of doubt
+    assert setpoints(state, air()).steeper == 0.0
+    assert setpoints(state._replace(airspeed_error=NO_AIRSPEED_ERROR), blind).steeper == 0.0
     assert steeper_bank(PARAMS, radians(10.0), 0.5) == pytest.approx(radians(15.0))
     assert steeper_bank(PARAMS, radians(16.0), 0.5) == pytest.approx(radians(20.0))
     assert steeper_bank(PARAMS._replace(tilt_max_rad=radians(24.0)), radians(10.0), 0.5) == (

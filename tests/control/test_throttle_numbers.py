@@ -31,7 +31,9 @@ SINKS = ThrottleView(
     airspeed_mps=8.0,
 )
 CARRIED = SINKS._replace(nowhere=False)
-OPENED = NO_THROTTLE._replace(standing=throttle.OPEN, called=throttle.NOWHERE, share=0.3, turns=0.2)
+OPENED = NO_THROTTLE._replace(
+    standing=throttle.OPEN, called=throttle.NOWHERE, fraction=0.3, turns=0.2
+)
 # Half of the thrust is left at half of the airspeed at which nothing is: 2 m/s² at 8 m/s.
 FULL_MPS = 2.0 * 8.0 / G
 
@@ -52,7 +54,7 @@ def test_thrust_falls_with_the_airspeed_and_climbs_by_it() -> None:
 
 
 def test_how_much_is_what_holds_the_climb_that_is_wanted() -> None:
-    """GAIN of the error and its integral, as a share of what all of it gives; two full travels a
+    """GAIN of the error and its integral, as a fraction of what all of it gives; two full travels a
     second at the most."""
     state = OPENED._replace(integral_mps=0.2)
     found = step(state, SINKS)
@@ -60,29 +62,31 @@ def test_how_much_is_what_holds_the_climb_that_is_wanted() -> None:
     integral = 0.2 + error * DT
     assert found.integral_mps == pytest.approx(integral)
     wanted = (error + integral) / FULL_MPS
-    assert found.share == pytest.approx(min(wanted, 0.3 + 2.0 * DT))
-    near = OPENED._replace(share=wanted, integral_mps=0.2)
-    assert step(near, SINKS).share == pytest.approx(wanted)
+    assert found.fraction == pytest.approx(min(wanted, 0.3 + 2.0 * DT))
+    near = OPENED._replace(fraction=wanted, integral_mps=0.2)
+    assert step(near, SINKS).fraction == pytest.approx(wanted)
     # The integral has its ends at nothing and at the most that may be opened.
     assert step(OPENED, SINKS._replace(climb_mps=3.0)).integral_mps == 0.0
     full = OPENED._replace(integral_mps=0.8 * FULL_MPS)
     assert step(full, SINKS).integral_mps == pytest.approx(0.8 * FULL_MPS)
     assert (
-        step(OPENED._replace(share=0.8, integral_mps=1.3), SINKS._replace(climb_mps=-3.0)).share
+        step(
+            OPENED._replace(fraction=0.8, integral_mps=1.3), SINKS._replace(climb_mps=-3.0)
+        ).fraction
         == 0.8
     )
 
 
 def test_what_the_propeller_makes_of_it() -> None:
     found = step(OPENED, SINKS)
-    turns = 0.2 + (found.share - 0.2) * DT / 0.2
+    turns = 0.2 + (found.fraction - 0.2) * DT / 0.2
     assert found.turns == pytest.approx(turns)
     assert found.push_mps2 == pytest.approx(turns * 2.0)
     assert found.climb_mps == pytest.approx(turns * FULL_MPS)
     assert found.pitch_rad == pytest.approx(turns * 2.0 / G)  # by which the glide is turned up
-    assert found.used_s == pytest.approx(found.share * DT)
+    assert found.used_s == pytest.approx(found.fraction * DT)
     # Without a lag it is at once; below a thousandth it stands.
-    assert step(OPENED, SINKS, PARAMS._replace(lag_s=0.0)).turns == pytest.approx(found.share)
+    assert step(OPENED, SINKS, PARAMS._replace(lag_s=0.0)).turns == pytest.approx(found.fraction)
     state = NO_THROTTLE._replace(turns=0.00102)
     assert closed(PARAMS, state, DT).turns == 0.0
     assert closed(PARAMS, state._replace(turns=0.0011), DT).turns > 0.0
@@ -95,7 +99,7 @@ def test_closed_it_runs_down_and_all_that_follows_of_it_with_it() -> None:
     assert found.turns == pytest.approx(keeps * state.turns)
     for name in ("push_mps2", "climb_mps", "pitch_rad"):
         assert getattr(found, name) == pytest.approx(keeps * getattr(state, name)), name
-    assert (found.share, found.integral_mps, found.quiet_s, found.low_s) == (0.0,) * 4
+    assert (found.fraction, found.integral_mps, found.quiet_s, found.low_s) == (0.0,) * 4
     assert (found.called, found.used_s) == (throttle.NOT_CALLED, 3.0)
     assert found.standing == throttle.CLOSED
     assert closed(PARAMS, state._replace(used_s=20.0), DT).standing == throttle.USED_UP
@@ -147,20 +151,20 @@ def test_it_goes_on_for_a_second_after_the_last_call_and_fades_in_two() -> None:
         state = step(state, CARRIED._replace(climb_mps=throttle.CLIMB_MPS - 0.45))
         ticks += 1
     assert ticks * DT == pytest.approx(1.0, abs=1.5 * DT)
-    share = state.share
+    fraction = state.fraction
     after = step(state, CARRIED)
-    assert after.share == pytest.approx(share - 0.5 * DT)
+    assert after.fraction == pytest.approx(fraction - 0.5 * DT)
     assert (after.standing, after.integral_mps) == (throttle.OPEN, 0.0)
     shut = step(NO_THROTTLE._replace(standing=throttle.OPEN), CARRIED)
-    assert (shut.standing, shut.share) == (throttle.CLOSED, 0.0)
+    assert (shut.standing, shut.fraction) == (throttle.CLOSED, 0.0)
 
 
 def test_the_last_of_the_budget_is_given_and_no_more() -> None:
     state = OPENED._replace(used_s=20.0 - 0.1 * DT)
     found = step(state, SINKS)
-    assert found.share == pytest.approx(0.1)
+    assert found.fraction == pytest.approx(0.1)
     assert (found.used_s, found.standing) == (20.0, throttle.USED_UP)
-    assert step(found, SINKS).share == 0.0
+    assert step(found, SINKS).fraction == 0.0
 
 
 @pytest.mark.parametrize(
@@ -188,7 +192,7 @@ def test_what_it_can_carry_for_two_seconds(used_s: float, excess: float, holds: 
 def test_what_is_shown_is_what_it_does() -> None:
     state = step(OPENED, SINKS)
     report = throttle_report(state)
-    assert report == (state.standing, state.called, state.share, state.used_s, state.climb_mps)
+    assert report == (state.standing, state.called, state.fraction, state.used_s, state.climb_mps)
     assert throttle.CALLED_TEXTS[report.called] == "no place to settle"
     assert throttle.CALLED_TEXTS[throttle.HOME] == "height for the way home"
     assert throttle.CALLED_TEXTS[throttle.LOW] == "low and sinking"

@@ -47,7 +47,7 @@ def flow(requests: StreamRequests, number: int, count: int) -> None:
 def test_a_stream_begins_with_nothing() -> None:
     stream = RequestedStream(1, "X", 5.0)
     assert (stream.count, stream.measured_hz, stream.wait_s) == (0, 0.0, 2.0)
-    assert (stream.given_up, stream.reported, stream.doubted) == (False, False, False)
+    assert (stream.given_up, stream.reported, stream.refused_once) == (False, False, False)
 
 
 def test_one_is_asked_for_at_a_time_and_the_next_once_it_is_answered_or_half_a_second_is_over() -> (
@@ -174,7 +174,7 @@ def test_a_refusal_soon_after_an_answer_that_did_not_come_may_be_of_the_one_befo
     stream = requests.wanted(31)
     assert stream is not None
     assert stream.given_up == believed
-    assert stream.doubted != believed
+    assert stream.refused_once != believed
     if not believed:  # asked for again, a second refusal is one
         requests._waiting = stream
         requests.acknowledged(RESULT_UNSUPPORTED, 10.5 + late_s)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tgl_soar.estimation.turning import (
+from tgl_soar.estimation.attitude_track import (
     NO_ATTITUDE_TRACK,
     AttitudeTrack,
     is_rate,
