@@ -330,7 +330,7 @@ def _output(
         excitation=state.excitation,
         forecast=state.forecast.foreseen,
         point=PointReport(state.brake.standing, state.brake.off_m),
-        launch_landing=way.launch_landing_report(state.launch_landing),
+        launch_landing=way.phase_report(state.launch_landing),
         throttle=throttle_report(state.throttle),
     )
 
@@ -382,10 +382,8 @@ def _fly(
     if state.supervisor.mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
     mode = state.supervisor.mode
-    launch_landing = way.launch_landing_step(
-        laws, state.launch_landing, mode, inputs, estimates, line, dt_s
-    )
-    line = way.launch_line(laws, launch_landing, line, vehicle, dt_s)
+    phase = way.phase_step(laws, state.launch_landing, mode, inputs, estimates, line, dt_s)
+    line = way.launch_line(laws, phase, line, vehicle, dt_s)
     tracking = line_tracking(line, vehicle)
     on_its_way = line.moving and not laws.surveys
     if on_its_way or not abs(tracking.e_rho_m) <= laws.guards.capture_distance_m:
@@ -395,12 +393,12 @@ def _fly(
     found = _conditions(laws, state, inputs, estimates) | _own_conditions(state, line)
     found |= line_conditions(laws.guards, tracking.e_rho_m, on_line, on_its_way)
     found |= search_conditions(laws, line.moving)
-    found |= way.launch_landing_conditions(laws, mode, launch_landing, estimates)
+    found |= way.phase_conditions(laws, mode, phase, estimates)
     air, quality = estimates.air, estimates.quality
     forecast = forecast_of(laws, mode, state.forecast, line, vehicle, air, quality)
     found |= forecast_conditions(laws, mode, forecast.foreseen)
     found |= power_conditions(laws, mode, state.throttle, forecast.foreseen, estimates)
-    found = way.with_way_home(laws, state.supervisor, launch_landing, estimates, found)
+    found = way.with_way_home(laws, state.supervisor, phase, estimates, found)
     supervisor, decision = _decide(laws, state, inputs, found)
     mode, reason = decision.mode, decision.reason or engaged_because
     if not modes.is_flying(mode):
@@ -421,7 +419,7 @@ def _fly(
         state.loops.limited.elevator_blocked,
     )
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
-    state = state._replace(excitation=excitation, launch_landing=launch_landing)
+    state = state._replace(excitation=excitation, launch_landing=phase)
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
     foreseen, left = forecast.foreseen, state.throttle
     throttle = power_step(laws, left, mode, foreseen, guidance.launch_landing, estimates, dt_s)
@@ -507,27 +505,16 @@ def _guide(
         laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s, line.eta_rad
     )
     limited, speed, faults = state.loops.limited, memory.gain_speed_mps, estimates.health.faults
-    inertial = memory.imu_weight == 1.0
+    imu = memory.imu_weight == 1.0
     held, effect = point_step(
-        laws,
-        state.brake,
-        limited,
-        decision.mode,
-        line.eta_rad,
-        vehicle,
-        speed,
-        inertial,
-        faults,
-        dt_s,
+        laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, imu, faults, dt_s
     )
     gains, effect = with_power(gains, effect, state.throttle)
-    launch_landing = state.launch_landing
-    if way.flies_no_line(decision.mode, launch_landing):
+    phase = state.launch_landing
+    if way.flies_no_line(decision.mode, phase):
         mode = decision.mode
-        launch_landing, soaring, terms, sideways, sideways_terms, psi_setpoint = (
-            way.launch_landing_guide(
-                laws, launch_landing, mode, estimates, soaring, sideways, limited, dt_s
-            )
+        phase, soaring, terms, sideways, sideways_terms, psi_setpoint = way.phase_guide(
+            laws, phase, mode, estimates, soaring, sideways, limited, dt_s
         )
     elif decision.mode == modes.HOLDING:
         # Without a position: the pitch that held the line, wings level, the heading as it was.
@@ -535,7 +522,7 @@ def _guide(
     elif decision.mode == modes.RECOVERING:
         soaring, terms = gliding_step(laws.soaring, soaring, laws.envelope.glide_pitch_rad, dt_s)
     else:
-        if way.starts_line(launch_landing, vehicle):
+        if way.starts_line(phase, vehicle):
             pitch = soaring.pitch_setpoint_rad
             soaring = soaring_reset(laws.soaring, theta_0, 0.0, pitch)
         if decision.action == modes.NEW_LINE:
@@ -577,7 +564,7 @@ def _guide(
         cut=cut,
         brake=held,
         braked=effect,
-        launch_landing=launch_landing,
+        launch_landing=phase,
     )
 
 

@@ -24,9 +24,9 @@ from tgl_soar.control.launch_landing import (
     LOW_S,
     SLOW_S,
     Lull,
-    launch_landing_conditions,
-    launch_landing_guide,
-    launch_landing_step,
+    phase_conditions,
+    phase_guide,
+    phase_step,
     with_way_home,
 )
 from tgl_soar.control.laws import laws_from
@@ -138,12 +138,12 @@ def test_on_the_ground_the_way_home_is_over_whatever_clear_min_is(
             vehicle=vehicle._replace(time_s=now.vehicle.time_s + 0.05 * k),
             margins=now.margins._replace(clearance_m=0.15, outside=0),
         )
-        state = launch_landing_step(laws, state, mode, inputs, at, before.line, 0.05)
-        found = launch_landing_conditions(laws, mode, state, at)
+        state = phase_step(laws, state, mode, inputs, at, before.line, 0.05)
+        found = phase_conditions(laws, mode, state, at)
         assert bool(found & ON_GROUND) == (0.05 * k >= STILL_S - 1e-9)
     assert found & AWAY
     higher = at._replace(margins=at.margins._replace(clearance_m=0.6))
-    assert bool(launch_landing_conditions(laws, mode, state, higher) & AWAY) == (clear_min_m == 1.0)
+    assert bool(phase_conditions(laws, mode, state, higher) & AWAY) == (clear_min_m == 1.0)
 
 
 def test_breaking_off_ends_on_a_ground_that_no_clearance_is_kept_to() -> None:
@@ -195,7 +195,7 @@ def test_a_lull_is_counted_while_it_lasts_and_off_while_it_does_not() -> None:
         air = now.air._replace(wind_mps=wind, wind_sigma_mps=0.5, cross_wind_mps=cross)
         then = now._replace(air=air, vehicle=now.vehicle._replace(climb_mps=climb))
         there = state.launch_landing._replace(lull=Lull(before_s, before_s))
-        return launch_landing_step(laws, there, mode, inputs, then, state.line, 0.005).lull
+        return phase_step(laws, there, mode, inputs, then, state.line, 0.005).lull
 
     more, less = pytest.approx(0.105), pytest.approx(0.095)
     for wind, slow in ((least - 0.4, less), (least - 0.6, more), (nan, less)):
@@ -267,7 +267,7 @@ def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: fl
             speed_mps=9.2, weave_rad=0.9 * side, goes_right=side > 0.0, airspeed_error=told
         )
         there = state.launch_landing._replace(glide=glide)
-        *_, sideways, _ = launch_landing_guide(
+        *_, sideways, _ = phase_guide(
             laws, there, LANDING, then, state.soaring, state.sideways, state.loops.limited, 0.005
         )
         assert degrees(sideways.output) == pytest.approx(side * bank_deg)

@@ -92,7 +92,7 @@ NO_LAUNCH_LANDING: Final = LaunchLandingState(
 )
 
 
-def launch_landing_step(
+def phase_step(
     laws: Laws,
     state: LaunchLandingState,
     mode: int,
@@ -160,9 +160,7 @@ def hand_conditions(laws: Laws, vehicle: VehicleState, health: Health, margins: 
     return modes.LAUNCH | modes.AIR_SAFE | modes.HIGH_ENOUGH
 
 
-def launch_landing_conditions(
-    laws: Laws, mode: int, state: LaunchLandingState, estimates: Estimates
-) -> int:
+def phase_conditions(laws: Laws, mode: int, state: LaunchLandingState, estimates: Estimates) -> int:
     """What holds of launch, escape and landing in a tick in control."""
     home, standing, vehicle = laws.landing, state.launch.standing, estimates.vehicle
     found = modes.LAUNCH if laws.launch.wanted else 0
@@ -285,7 +283,7 @@ def flies_no_line(mode: int, state: LaunchLandingState) -> bool:
     )
 
 
-def launch_landing_guide(
+def phase_guide(
     laws: Laws,
     state: LaunchLandingState,
     mode: int,
@@ -360,6 +358,6 @@ def loops_in_hand(loops: LoopsState, vehicle: VehicleState) -> LoopsState:
     )
 
 
-def launch_landing_report(state: LaunchLandingState) -> LaunchLandingReport:
+def phase_report(state: LaunchLandingState) -> LaunchLandingReport:
     """What is shown of a tick."""
     return LaunchLandingReport(state.launch.standing, state.escape.left_m, time_left(state.escape))
