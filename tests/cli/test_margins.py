@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,15 @@ def test_a_figure_shows_them(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     text = out.read_text(encoding="utf-8")
     assert text.count('id="axes_') == 2  # with accelerometers, and without
+
+
+def test_without_matplotlib_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    result = CliRunner().invoke(app, ["margins", *FEW, "--out", str(tmp_path / "margins.svg")])
+    assert result.exit_code == 2
+    assert "tgl_soar[figures]" in result.output
 
 
 def test_a_lean_that_no_line_may_have_is_an_error() -> None:

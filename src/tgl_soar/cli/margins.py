@@ -88,7 +88,9 @@ def margins(
     if out is not None:
         try:
             found.margins_figure(out, rows, floor, plane.airframe.name)
-        except (ImportError, ValueError) as error:
+        except ImportError:
+            fail("no figure: figures need matplotlib: pip install 'tgl_soar[figures]'")
+        except ValueError as error:
             fail(f"no figure: {error}")
         except OSError as error:
             fail(f"no figure: {out}: {error.strerror}")

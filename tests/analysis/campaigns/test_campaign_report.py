@@ -186,3 +186,11 @@ def test_the_command_prints_it(folder: Path, tmp_path: Path) -> None:
     refused = run.invoke(app, ["campaign", "report", str(folder), "--of", "wings"])
     assert refused.exit_code == 2
     assert "no column" in refused.stderr
+
+
+def test_a_file_that_is_no_table_is_named(tmp_path: Path) -> None:
+    """One that was cut off on its way from a cluster, among many."""
+    path = tmp_path / ROWS
+    path.write_bytes(b"PAR1 and no more")
+    with pytest.raises(ReportError, match=rf"{ROWS}: no table of flights"):
+        report(tmp_path)

@@ -152,7 +152,10 @@ def report(path: Path, by: str | None = None, of: str | None = None) -> Report:
     Errors: `ReportError`; ImportError without pyarrow.
     """
     file = rows_file(path)
-    columns = read_columns(file)
+    try:
+        columns = read_columns(file)
+    except ValueError as error:
+        raise ReportError(f"{file}: no table of flights: {error}") from None
     of = _chosen(file, columns, of, USUAL_OF, "--of")
     by = _chosen(file, columns, by, USUAL_BY, "--by") if by is None or by else ""
     by = "" if by == of else by
