@@ -18,6 +18,7 @@ from tgl_soar.control.conditions import (
     flight_conditions,
     forecast_conditions,
     forecast_of,
+    jumps_unsettled,
     line_conditions,
     search_conditions,
     stream_conditions,
@@ -378,7 +379,10 @@ def _fly(
     engaged_because: int,
 ) -> tuple[AutopilotState, Output]:
     """All modes in control."""
-    vehicle, line, off_line_s = estimates.vehicle, state.line, state.off_line_s
+    vehicle, jump_s = estimates.vehicle, estimates.memory.motion.jump_s
+    if jumps_unsettled(laws.guards, state.supervisor, state.line, vehicle, jump_s):
+        state = _line_from_aircraft(laws, state, estimates)
+    line, off_line_s = state.line, state.off_line_s
     if state.supervisor.mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
         line = line_step(laws.line, line, laws.target, vehicle.x_m, vehicle.z_m, dt_s)
     mode = state.supervisor.mode
@@ -452,25 +456,20 @@ def _control(
     dt_s: float,
 ) -> tuple[LoopsState, _Flown]:
     """From the setpoints to the surfaces, and what a log has of the way."""
-    memory = estimates.memory
+    memory, vehicle, margins = estimates.memory, estimates.vehicle, estimates.margins
     if way.is_in_hand(guidance.launch_landing):
-        before = way.loops_in_hand(before, estimates.vehicle)
+        before = way.loops_in_hand(before, vehicle)
     flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
     loops, terms = surfaces_step(
         laws,
         flown_with,
         before,
-        estimates.vehicle,
+        vehicle,
         guidance.setpoints,
         guidance.brake.brake,
-        brake_limit(
-            laws.envelope,
-            estimates.margins.stall_rad,
-            estimates.vehicle.climb_mps,
-            estimates.margins.clearance_m,
-        ),
+        brake_limit(laws.envelope, margins.stall_rad, vehicle.climb_mps, margins.clearance_m),
         guidance.braked,
-        estimates.margins.stall_rad,
+        margins.stall_rad,
         inputs.surfaces,
         dt_s,
     )

@@ -50,7 +50,8 @@ class Flown(NamedTuple):
         return [mode_name(o.mode) for o in self.outputs if o.reason]
 
 
-def fly(spoil: Spoil, **parameters: float) -> Flown:
+def fly(spoil: Spoil, line_moves_m: float = 0.0, **parameters: float) -> Flown:
+    """line_moves_m: downstream, by the operator, when the reset begins."""
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     assert site.air is not None
     line = next(iter(site.lines.values()))
@@ -63,6 +64,8 @@ def fly(spoil: Spoil, **parameters: float) -> Flown:
     for _ in range(round(RESET_S / DT_S)):
         output = loop.tick()
     assert output.mode == SOARING
+    if line_moves_m != 0.0:
+        loop.change({"TGL_X": values["TGL_X"] + line_moves_m})
     outputs, places = [], []
     for _ in range(round(STAY_S / DT_S)):
         outputs.append(loop.tick())
@@ -113,6 +116,15 @@ def test_not_followed_it_drags_the_aircraft_after_the_frame() -> None:
     assert "capturing" in flown.modes
     assert any(o.mode == CAPTURING for o in flown.outputs)
     assert apart(flown) > 1.0
+
+
+def test_no_law_sees_a_jump_that_comes_right_behind_a_change_of_mode() -> None:
+    """A mode that has not settled is not left for holding at once: the line begins anew in it."""
+    flown = fly(moved(1.2, 0.0), line_moves_m=0.1, EST_RESET_MAX=0.0)
+    assert flown.modes[:2] == ["capturing", "holding"]
+    jumped = [o for o in flown.outputs if o.quality.jumped]
+    assert jumped[0].mode == CAPTURING
+    assert max(abs(o.line.e_rho_m) for o in flown.outputs) < 0.1
 
 
 def test_a_reset_of_the_heading_moves_the_line_no_more() -> None:

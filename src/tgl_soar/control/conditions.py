@@ -54,6 +54,7 @@ from tgl_soar.control.supervisor import (
     INSIDE_FENCE,
     LINE_MOVING,
     LINE_VALID,
+    MINIMUM_S,
     NEAR_LINE,
     NO_FAILSAFE,
     ON_LINE,
@@ -73,7 +74,7 @@ from tgl_soar.control.supervisor import (
     UPWIND,
     SupervisorState,
 )
-from tgl_soar.control.target_line import LineState, LineTracking
+from tgl_soar.control.target_line import LineState, LineTracking, e_rho
 from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INFINITE, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import AirEstimate, Health, Inputs, MotionQuality, VehicleState
@@ -221,6 +222,24 @@ def line_conditions(
     if on_line:
         found |= ON_LINE
     return found
+
+
+def jumps_unsettled(
+    guards: SupervisorLimits,
+    supervisor: SupervisorState,
+    line: LineState,
+    vehicle: VehicleState,
+    jump_s: float,
+) -> bool:
+    """Whether the position jumps now, near its line, in a mode that is too young to be left for
+    holding.  jump_s: when it last did; NaN: never."""
+    mode = supervisor.mode
+    if mode != CAPTURING and mode != SOARING and mode != SEARCHING:
+        return False
+    if not (jump_s == vehicle.time_s and vehicle.time_s - supervisor.since_s < MINIMUM_S):
+        return False
+    off_m = e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m)
+    return abs(off_m) <= guards.e_rho_max_m
 
 
 def forecast_of(
