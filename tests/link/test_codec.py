@@ -395,6 +395,23 @@ def test_each_sender_counts_for_itself_and_wraps() -> None:
     assert parsed(second.encode(Timesync(1, 1))).get_seq() == 0
 
 
+@pytest.mark.parametrize("copies", [1, 2, 3])
+def test_what_is_lost_is_counted_whether_or_not_the_rest_comes_more_than_once(copies: int) -> None:
+    decoder, autopilot = Decoder(stream=False), Encoder(Source(1, 1))
+    decoder.watch(Source(1, 1))
+    for k in range(600):
+        frame = autopilot.encode(Timesync(1, 1))
+        if k % 10 != 5:
+            for _ in range(copies):
+                decoder.feed(frame)
+    assert (decoder.counters.watched, decoder.counters.lost) == (540, 60)
+    late = autopilot.encode(Timesync(1, 1))
+    decoder.feed(autopilot.encode(Timesync(1, 1)))
+    assert decoder.counters.lost == 61
+    decoder.feed(late)  # not lost after all
+    assert decoder.counters.lost == 60
+
+
 def test_numbers_beyond_32_bits_are_the_largest_and_nan_stays_nan() -> None:
     encoder = Encoder(Source(1, 191))
     assert parsed(encoder.encode(NamedValueFloat(0, "a", 1e300))).value == pytest.approx(

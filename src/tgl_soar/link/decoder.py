@@ -304,6 +304,8 @@ class Decoder:
     def _count(self, sequence: int) -> None:
         """Count a frame of the watched sender, and the gap before it."""
         counters = self.counters
+        if sequence == self._sequence:  # the last one again: it was not lost, nor was another
+            return
         counters.watched += 1
         if self._sequence >= 0:
             gap = (sequence - self._sequence - 1) & 0xFF
