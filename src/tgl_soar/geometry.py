@@ -19,7 +19,9 @@ A quaternion (w, x, y, z) rotates body FRD into NED, Hamilton convention, as MAV
 from __future__ import annotations
 
 from math import asin, atan2, cos, pi, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+NORM_ERROR: Final = 0.02  # of a quaternion, from one
 
 
 class SoaringFrame(NamedTuple):
@@ -154,6 +156,12 @@ def quaternion_product(
         aw * by - ax * bz + ay * bw + az * bx,
         aw * bz + ax * by - ay * bx + az * bw,
     )
+
+
+def is_rotation(qw: float, qx: float, qy: float, qz: float) -> bool:
+    """Whether a quaternion's norm is one, within NORM_ERROR; never for NaN."""
+    square = qw * qw + qx * qx + qy * qy + qz * qz
+    return abs(square - 1.0) <= 2.0 * NORM_ERROR
 
 
 def rotated(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from heapq import heapify, heappop, heappush
+from math import inf
 from typing import NamedTuple
 
 import pytest
@@ -36,11 +37,14 @@ class Age(NamedTuple):
 
 
 def ages(
-    queue_s: Callable[[float], float], for_s: float, pace: float = 1.0
+    queue_s: Callable[[float], float],
+    for_s: float,
+    pace: float = 1.0,
+    silent_from_s: float = inf,
 ) -> tuple[list[Age], Session]:
     """Attitudes of an autopilot whose line has a queue, and the answers behind them.
 
-    `pace`: of its clock.
+    `pace`: of its clock.  silent_from_s: it answers no more.
     """
     channels = SurfaceChannels(elevator=SERVO, aileron=SERVO, rudder=SERVO)
     own = Source(1, 191)
@@ -69,7 +73,7 @@ def ages(
         now_s, _, at_s, message = heappop(coming)
         session.handle(Received(session.autopilot, message), CLOCK_S + now_s)
         for asked in session.poll(CLOCK_S + now_s):
-            if isinstance(asked, Timesync) and asked.tc1 == 0:
+            if isinstance(asked, Timesync) and asked.tc1 == 0 and now_s < silent_from_s:
                 there_s = now_s + QUICK_S
                 sent(there_s, Timesync(round(1e9 * (UPTIME_S + pace * there_s)), asked.ts1))
         if isinstance(message, AttitudeQuaternion):
@@ -99,6 +103,17 @@ def test_a_queue_that_has_gone_is_forgotten() -> None:
     found, session = ages(lambda at_s: 0.15 if 20.0 < at_s < 40.0 else 0.0, 60.0)
     assert session.round_trip.queue_s == 0.0
     assert max(age.shown_s for age in found if age.now_s > 41.0) < QUICK_S
+
+
+def test_of_a_queue_after_which_no_answer_comes_the_end_is_not_known() -> None:
+    """Its age counts on, and is reported every ten seconds."""
+    found, session = ages(lambda at_s: 0.15 if 20.0 < at_s < 40.0 else 0.0, 70.0, 1.0, 39.0)
+    assert found[-1].shown_s == pytest.approx(0.15 - SLACK_S + QUICK_S, abs=QUICK_S)
+    told = [text for _, text in session.notices if "no answer to TIMESYNC" in text]
+    assert told[0].endswith("samples count as 0.10 s late still")
+    silent = [int(text.split(" for ")[1].split(" s")[0]) for text in told]
+    assert silent[0] >= RECENT_S
+    assert silent == [silent[0], silent[0] + 10, silent[0] + 20]
 
 
 @pytest.mark.parametrize("pace", [0.98, 1.0, 1.02])

@@ -1,6 +1,6 @@
 """The conversation with an autopilot, stepped with time as an argument."""
 
-from math import atan2, cos, degrees, nan, sin, sqrt
+from math import atan2, cos, degrees, isnan, nan, sin, sqrt
 
 import pytest
 from hypothesis import given
@@ -537,6 +537,15 @@ def test_odometry_in_local_frames_keeps_its_velocity() -> None:
         1.0,
     )
     assert talk.position[5:8] == (4.0, 5.0, 6.0)
+
+
+@pytest.mark.parametrize("q", [(0.0,) * 4, (nan,) * 4, (0.97, 0.0, 0.0, 0.0)])
+def test_a_velocity_in_body_axes_needs_an_attitude(q: tuple[float, float, float, float]) -> None:
+    """A quaternion of zeros, MAVLink's for an unknown one, would leave it as it is."""
+    talk = session()
+    hear(talk, Odometry(*(5, 1, 12, 1, 2, -3, q, 4, 5, 6, 0, 0, 0)), 1.0)
+    assert talk.position[2:5] == (1, 2, -3)
+    assert all(isnan(component) for component in talk.position[5:8])
 
 
 def test_odometry_in_frames_of_another_kind_is_refused_and_reported_once() -> None:

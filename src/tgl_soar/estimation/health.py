@@ -35,6 +35,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.estimation.attitude_track import is_turn
 from tgl_soar.estimation.motion_state import FUTURE_S, MotionState
+from tgl_soar.geometry import is_rotation
 from tgl_soar.types import (
     NAN,
     AttitudeSample,
@@ -52,7 +53,6 @@ GAP_FACTOR: Final = 3.5
 GAP_MIN_S: Final = 0.05
 JUMP_M: Final = 1.0
 JUMP_MPS: Final = 30.0
-NORM_ERROR: Final = 0.02
 FRAME_S: Final = 2.0
 FRAME_MPS: Final = 2.0
 FAULT_S: Final = 1.0
@@ -399,7 +399,7 @@ def _look_at_attitude(
     known = square < INFINITE  # false for NaN
     if not known:
         found |= NOT_FINITE
-    elif not abs(square - 1.0) <= 2.0 * NORM_ERROR:
+    elif not is_rotation(w, x, y, z):
         found |= WRONG
     elif not is_turn(_as_sample(before), sample, sample.time_s - before.time_s):
         found |= JUMP

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final
 
-from tgl_soar.geometry import quaternion_from_euler, rotated
+from tgl_soar.geometry import is_rotation, quaternion_from_euler, rotated
 from tgl_soar.link.messages import (
     FRAME_BODY_FRD,
     FRAME_BODY_NED,
@@ -131,7 +131,7 @@ class PositionSamples:
         has_attitude = all(isfinite(q) for q in m.q)
         velocity = (m.vx, m.vy, m.vz)
         if in_body:
-            velocity = rotated(m.q, velocity) if has_attitude else (NAN, NAN, NAN)
+            velocity = rotated(m.q, velocity) if is_rotation(*m.q) else (NAN, NAN, NAN)
         sigma_m = sigma_of(m.pose_covariance)
         self._offer(ODOMETRY, times[0], (m.x, m.y, m.z), velocity, now_s, sigma_m)
         if has_attitude:

@@ -20,7 +20,7 @@ from tgl_soar.link.messages import (
     SEVERITY_WARNING,
     Source,
 )
-from tgl_soar.link.timesync import SLACK_S
+from tgl_soar.link.timesync import RECENT_S, SLACK_S
 from tgl_soar.link.vehicle.ledger import Ledger
 
 CLOCK_NOTICE_S: Final = 10.0  # between two notices of another clock
@@ -47,17 +47,20 @@ class SampleTimes:
         self._noticed_s = -inf  # when another clock was reported last
         self._contested = False
         self._queue_s = 0.0  # by which samples are older than their arrivals say
+        self._queue_taken_s = -inf  # when it was measured last
         self._queue_noticed_s = -inf
 
     def take_queue(self, queue_s: float, now_s: float) -> None:
         """How long the queue on the link is that no arrival shows; 0: there is none."""
-        self._queue_s = queue_s
-        if queue_s > 0.0 and now_s - self._queue_noticed_s >= QUEUE_NOTICE_S:
-            self._queue_noticed_s = now_s
+        self._queue_s, self._queue_taken_s = queue_s, now_s
+        if queue_s > 0.0:
             slower_s = queue_s + SLACK_S
-            text = (
-                f"the autopilot answers {slower_s:.2f} s later than before: is its link too slow?"
-            )
+            text = f"the autopilot answers {slower_s:.2f} s later than before"
+            self._report_queue(f"{text}: is its link too slow?", now_s)
+
+    def _report_queue(self, text: str, now_s: float) -> None:
+        if now_s - self._queue_noticed_s >= QUEUE_NOTICE_S:
+            self._queue_noticed_s = now_s
             self._notices.append((SEVERITY_WARNING, text))
 
     def of_milliseconds(
@@ -115,7 +118,12 @@ class SampleTimes:
         return times[0] - self._queue_s, times[1]
 
     def poll(self, now_s: float) -> None:
-        """Report that two clocks stamp as one autopilot, or that one of them has ended."""
+        """Report that two clocks stamp as one autopilot, or that one of them has ended, and that
+        a queue's end is not known: its age is counted until an answer says otherwise."""
+        silent_s = now_s - self._queue_taken_s
+        if self._queue_s > 0.0 and silent_s >= RECENT_S:
+            text = f"no answer to TIMESYNC for {silent_s:.0f} s: samples count as"
+            self._report_queue(f"{text} {self._queue_s:.2f} s late still", now_s)
         contested = self._stamps.is_contested(now_s)
         if contested == self._contested:
             return
