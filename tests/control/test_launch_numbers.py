@@ -63,20 +63,41 @@ def at(standing: int, **changes: Any) -> LaunchState:
 
 def test_it_begins_in_the_hand_and_other_modes_forget_it() -> None:
     begun = step(NO_LAUNCH, view())
-    assert begun == NO_LAUNCH._replace(standing=x.HELD, since_s=NOW, mark_s=NOW)
+    assert begun == NO_LAUNCH._replace(standing=x.HELD, since_s=NOW, mark_s=NOW, imu_s=NOW)
     assert launch_step(PARAMS, at(x.GLIDING), False, view(), DT) == NO_LAUNCH
     for standing in (x.REACHED, x.NO_THROW, x.STEEP, x.SLOW, x.LOW, x.FAR):
         assert step(at(standing), view()) == at(standing)  # it is over
 
 
+def felt(seen: LaunchView, before_s: float = DT, push_mps: float = 0.0) -> float:
+    """The push after a sample that comes so long after the one before it."""
+    imu = seen.imu._replace(sequence=7)
+    held = at(x.HELD, push_mps=push_mps, imu_sequence=6, imu_s=imu.time_s - before_s)
+    return step(held, seen._replace(imu=imu)).push_mps
+
+
 def test_a_push_adds_up_and_leaks() -> None:
-    found = step(at(x.HELD, push_mps=0.8), view(push=4.0))
-    assert found.push_mps == pytest.approx(0.8 * exp(-DT / x.PUSH_S) + 4.0 * DT)
-    old = step(at(x.HELD, push_mps=0.8), view(push=4.0, old_s=1.01 * x.PUSH_AGE_S))
-    assert old.push_mps == pytest.approx(0.8 * exp(-DT / x.PUSH_S))
-    young = step(at(x.HELD), view(push=4.0, old_s=0.99 * x.PUSH_AGE_S))
-    assert young.push_mps == pytest.approx(4.0 * DT)
-    assert step(at(x.HELD), view(push=nan)).push_mps == 0.0
+    leaked = 0.8 * exp(-DT / x.PUSH_S)
+    assert felt(view(push=4.0), push_mps=0.8) == pytest.approx(leaked + 4.0 * DT)
+    old = view(push=4.0, old_s=1.01 * x.PUSH_AGE_S)
+    assert felt(old, push_mps=0.8) == pytest.approx(leaked)
+    assert felt(view(push=4.0, old_s=0.99 * x.PUSH_AGE_S)) == pytest.approx(4.0 * DT)
+
+
+@pytest.mark.parametrize("push", [nan, inf, -inf])
+def test_what_is_no_number_pushes_nothing(push: float) -> None:
+    assert felt(view(push=push)) == 0.0
+
+
+def test_a_sample_stands_for_the_time_since_the_one_before_it() -> None:
+    assert felt(view(push=4.0), 0.02) == pytest.approx(4.0 * 0.02)
+    assert felt(view(push=4.0), 0.3) == pytest.approx(4.0 * 0.055)  # of 18 Hz
+    assert felt(view(push=4.0), -0.02) == 0.0
+    again = view(push=4.0)
+    held = at(x.HELD, imu_sequence=again.imu.sequence, imu_s=NOW - 0.02)
+    assert step(held, again).push_mps == 0.0
+    begun = step(NO_LAUNCH, view(push=4.0))
+    assert (begun.imu_sequence, begun.imu_s) == (again.imu.sequence, NOW)
 
 
 @pytest.mark.parametrize("axis", ["velocity_x_mps", "velocity_y_mps", "climb_mps"])

@@ -10,6 +10,7 @@ body's x axis, which needs no position,
 
     push(t) = ∫ (f_x − g sin pitch) e^(−(t − t') / PUSH_S) dt'
 
+in which a sample stands for the time since the one before it: in a silence nothing is pushed.
 A shaken or carried aircraft is pushed forth and back; one that is released in its wind (a tunnel)
 is pushed by nothing, and is seen by its velocity alone.  What is too high for a hand, or faster
 than a walker, for EVIDENT_S is in none, however it got there.
@@ -29,9 +30,10 @@ from tgl_soar.types import GRAVITY_MPS2, ImuSample, VehicleState
 
 INFINITE: Final = float("inf")
 PUSH_S: Final = 0.5  # a throw takes 0.2 to 0.4 s; a stride, forth and back, about as long
-# An older acceleration is none of now: four samples of the slowest stream that counts (55 ms), and
-# as long as a throw.
+# An older acceleration is none of now: four samples of the slowest stream that counts, and as long
+# as a throw.
 PUSH_AGE_S: Final = 0.2
+SAMPLE_S: Final = 0.055  # of the slowest stream that counts: for no longer does a sample stand
 SPEED_S: Final = 0.2  # so long must the speed last: a gust is no speed
 FLIES_BY_MPS: Final = 1.0  # above SPEED_MIN: 0.05 rad of incidence, all of the elevator
 # Without a pitot tube: the air that was read in a hand is wrong, and the wind's estimate follows
@@ -85,6 +87,8 @@ class LaunchState(NamedTuple):
     climb_mps: float  # averaged
     high_s: float  # when it was high enough last
     low_m: float  # the clearance below which it is too low
+    imu_sequence: int  # of the newest sample, and its time
+    imu_s: float
 
 
 class LaunchView(NamedTuple):
@@ -112,6 +116,8 @@ NO_LAUNCH: Final = LaunchState(
     climb_mps=0.0,
     high_s=0.0,
     low_m=0.0,
+    imu_sequence=0,
+    imu_s=0.0,
 )
 
 
@@ -123,7 +129,8 @@ def launch_step(
     if not launching:
         return NO_LAUNCH
     if state.standing == IDLE:
-        return _standing(NO_LAUNCH, HELD, now)
+        before = NO_LAUNCH._replace(imu_sequence=view.imu.sequence, imu_s=view.imu.time_s)
+        return _standing(before, HELD, now)
     if state.standing == HELD:
         return _held(params, state, view, dt_s)
     if state.standing != THROWN and state.standing != GLIDING:
@@ -141,11 +148,9 @@ def launch_step(
 
 def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: float) -> LaunchState:
     vehicle = view.vehicle
-    now, push = vehicle.time_s, state.push_mps
-    forward = view.imu.force_x_frd_mps2 - GRAVITY_MPS2 * sin(vehicle.pitch_rad)
-    push *= exp(-dt_s / PUSH_S)
-    if forward == forward and now - view.imu.time_s <= PUSH_AGE_S:  # false for NaN
-        push += forward * dt_s
+    now = vehicle.time_s
+    push = state.push_mps * exp(-dt_s / PUSH_S) + _pushed_mps(state, view)
+    state = state._replace(imu_sequence=view.imu.sequence, imu_s=view.imu.time_s)
     low = min(view.clearance_min_m, HAND_FRACTION * view.clearance_m)
     state = state._replace(push_mps=push, high_s=now, low_m=low)
     speed = _speed(vehicle) if view.position_ok else 0.0
@@ -159,6 +164,16 @@ def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: floa
     if now - state.since_s >= params.wait_s:
         return _standing(state, NO_THROW, now)
     return state
+
+
+def _pushed_mps(state: LaunchState, view: LaunchView) -> float:
+    """What a new sample adds to the push; 0 for none, and for one that is late or not finite."""
+    imu, vehicle = view.imu, view.vehicle
+    forward = imu.force_x_frd_mps2 - GRAVITY_MPS2 * sin(vehicle.pitch_rad)
+    is_late = vehicle.time_s - imu.time_s > PUSH_AGE_S
+    if imu.sequence == state.imu_sequence or is_late or not abs(forward) < INFINITE:
+        return 0.0
+    return forward * min(max(0.0, imu.time_s - state.imu_s), SAMPLE_S)
 
 
 def _thrown(state: LaunchState, view: LaunchView) -> LaunchState:
