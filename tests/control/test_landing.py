@@ -11,6 +11,7 @@ from tgl_soar.control import escape, landing
 from tgl_soar.control.escape import (
     NO_ESCAPE,
     EscapeState,
+    EscapeView,
     escape_step,
     is_on_ground,
     is_short,
@@ -54,6 +55,7 @@ PARAMS = LandingParams(
     spare_m=1.0,
     asked=landing.STAY,
     auto=True,
+    waits=False,
     clearance_m=3.0,
     polar=POLAR,
     best_glide_mps=9.2,
@@ -198,7 +200,7 @@ def watched(height_m: float, seconds: float, state: EscapeState = NO_ESCAPE, sta
     steps = round(seconds / DT)
     for k in range(steps):
         vehicle = at(start + k * DT, z_m=height_m - fall_mps * k * DT, velocity_x_mps=-2.0)
-        state = escape_step(PARAMS, state, True, False, True, vehicle, air(), DT)
+        state = escape_step(PARAMS, state, EscapeView(True, False, False, True), vehicle, air(), DT)
     return state
 
 
@@ -642,7 +644,7 @@ def stood(
     """Still and low, tick by tick."""
     for k in range(round(seconds / DT)):
         vehicle = at(start_s + k * DT, z_m=0.1, climb_mps=0.0)
-        state = escape_step(PARAMS, state, True, lands, sure, vehicle, air(), DT)
+        state = escape_step(PARAMS, state, EscapeView(True, lands, False, sure), vehicle, air(), DT)
     return state
 
 
@@ -650,7 +652,7 @@ def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
     state = NO_ESCAPE
     for k in range(300):
         vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
-        state = escape_step(PARAMS, state, True, True, True, vehicle, air(), DT)
+        state = escape_step(PARAMS, state, EscapeView(True, True, False, True), vehicle, air(), DT)
         assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= escape.STILL_S - 1e-9)
     hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
     assert not is_on_ground(PARAMS, state, hovering, inf)
@@ -660,7 +662,7 @@ def test_standing_still_counts_from_the_landing_on_and_only_where_the_height_is_
     """Who soars stands still all the time, and in a tunnel less than a metre over the board."""
     soared = stood(5.0, NO_ESCAPE, 0.0, lands=False)
     now = at(5.0, z_m=0.1, climb_mps=0.0)
-    soared = escape_step(PARAMS, soared, True, True, True, now, air(), DT)
+    soared = escape_step(PARAMS, soared, EscapeView(True, True, False, True), now, air(), DT)
     assert not is_on_ground(PARAMS, soared, now, 0.1)
     lain = stood(2.0, soared, 5.0)
     now = at(7.0, z_m=0.1, climb_mps=0.0)
@@ -676,7 +678,7 @@ def test_without_a_position_the_height_left_is_not_known() -> None:
     low = watched(2.0, 3.0, watched(20.0, 2.0), 2.0)
     assert is_short(low, 5.0)
     vehicle = at(5.0, z_m=2.0)
-    blind = escape_step(PARAMS, low, True, False, False, vehicle, air(), DT)
+    blind = escape_step(PARAMS, low, EscapeView(True, False, False, False), vehicle, air(), DT)
     assert isnan(blind.left_m)
     assert blind.armed
     assert not is_short(blind, 9.0)

@@ -56,6 +56,7 @@ PARAMS = LandingParams(
     spare_m=1.5,
     asked=landing.STAY,
     auto=True,
+    waits=False,
     clearance_m=3.0,
     polar=POLAR,
     best_glide_mps=BEST,

@@ -799,9 +799,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         integer=True, in_files=False,
     ),
     Parameter(
-        name="ESC_AUTO", unit="", minimum=0, maximum=1, default=0,
+        name="ESC_AUTO", unit="", minimum=0, maximum=2, default=0,
         meaning="1: break off by itself as soon as the glide to the landing place would leave less"
-                " than ESC_SPARE of height, or the flight would end on the slope; 0: only say so.",
+                " than ESC_SPARE of height, or the flight would end on the slope; 2: likewise, but"
+                " while it soars the height is that in the least wind in which this line has"
+                " carried it, so that it waits until a wind that has risen falls; 0: only say so.",
         integer=True,
     ),
     # To gain 2 m/s over a wind of 8 takes (10^2 - 8^2) / 2g = 1.8 m, and a second of dive another.

@@ -3,6 +3,12 @@
 What is left (`control.landing`) is averaged over AVERAGE_S, and how fast it goes over TREND_S.  Its
 end counts once it has lasted for SHORT_S, where there was some for ARMED_S before: an aircraft that
 was launched from below never had any.  The same watch tells lying on the ground from flying.
+
+A wind that rises takes the landing place out of reach, and lifts: what ends the lift is a wind that
+falls again, and brings the place back into reach.  Who waits for that counts what would be left in
+the least wind in which this line has carried the aircraft, averaged over TREND_S: until the lift
+fails the wind has fallen that far.  A wind that turns away from the slope and stays strong is what
+this does not cover.
 """
 
 from __future__ import annotations
@@ -11,6 +17,7 @@ from math import exp
 from typing import Final, NamedTuple
 
 from tgl_soar.control.landing import INFINITE, LandingParams, escape_height, flare_height
+from tgl_soar.control.wind_triangle import slower, wind_speed
 from tgl_soar.types import NAN, AirEstimate, VehicleState
 
 AVERAGE_S: Final = 1.0  # of the height left
@@ -24,73 +31,102 @@ STILL_S: Final = 1.0
 GROUND_M: Final = 0.3
 
 
+class EscapeView(NamedTuple):
+    """What the watch knows of the flight."""
+
+    flying: bool  # in the air and in control
+    goes_home: bool  # it is on its way there
+    soars: bool  # a line that rests carries it
+    place_known: bool
+
+
 class EscapeState(NamedTuple):
     """The escape condition, watched."""
 
     left_m: float  # of height, averaged; NaN: not known
     rate_mps: float  # at which it changes, averaged
-    since_s: float  # since when there is some left, or none
+    counts_m: float  # left_m, or what is left once the wind has fallen
+    wind_mps: float  # across the ground, averaged over TREND_S; NaN: it does not soar
+    carried_mps: float  # the least of that in which this line has carried it; inf: none
+    since_s: float  # since when there is some left that counts, or none
     armed: bool  # there was some left in this flight
     still_s: float  # when the aircraft moved last, or was not on its way home yet
 
 
-NO_ESCAPE: Final = EscapeState(left_m=NAN, rate_mps=0.0, since_s=NAN, armed=False, still_s=NAN)
+NO_ESCAPE: Final = EscapeState(
+    left_m=NAN,
+    rate_mps=0.0,
+    counts_m=NAN,
+    wind_mps=NAN,
+    carried_mps=INFINITE,
+    since_s=NAN,
+    armed=False,
+    still_s=NAN,
+)
 
 
 def escape_step(
     params: LandingParams,
     state: EscapeState,
-    flying: bool,
-    goes_home: bool,
-    position_ok: bool,
+    view: EscapeView,
     vehicle: VehicleState,
     air: AirEstimate,
     dt_s: float,
 ) -> EscapeState:
-    """One tick of the watch.  flying: in the air and in control; goes_home: it is on its way there.
+    """One tick of the watch.
 
     Without a position the height is not known: what the estimate coasts to must end no flight.
     """
     now = vehicle.time_s
-    if not flying:
+    if not view.flying:
         return NO_ESCAPE
     speed2 = vehicle.velocity_x_mps * vehicle.velocity_x_mps
     speed2 += vehicle.velocity_y_mps * vehicle.velocity_y_mps
     speed2 += vehicle.climb_mps * vehicle.climb_mps
-    still = goes_home and position_ok and speed2 < STILL_MPS * STILL_MPS
+    still = view.goes_home and view.place_known and speed2 < STILL_MPS * STILL_MPS
     still_s = state.still_s if still and state.still_s <= now else now
-    left = escape_height(params, vehicle, air) if position_ok else NAN
+    left = escape_height(params, vehicle, air) if view.place_known else NAN
     if left != left:
         return NO_ESCAPE._replace(still_s=still_s, armed=state.armed)
+    state = _carried_step(state, view.soars, air, dt_s)._replace(still_s=still_s)
+    counts = left
+    if params.waits and state.carried_mps < wind_speed(air):  # false for NaN
+        counts = escape_height(params, vehicle, slower(air, state.carried_mps))
     if state.left_m != state.left_m:
-        return EscapeState(
-            left_m=left,
-            rate_mps=0.0,
-            since_s=now,
-            armed=state.armed,
-            still_s=still_s,
-        )
+        return state._replace(left_m=left, counts_m=counts, since_s=now)
     blend = 1.0 - exp(-dt_s / AVERAGE_S)
     averaged = state.left_m + blend * (left - state.left_m)
+    counted = state.counts_m + blend * (counts - state.counts_m)
     rate = state.rate_mps
     if dt_s > 0.0:
         slow = 1.0 - exp(-dt_s / TREND_S)
         rate += slow * ((averaged - state.left_m) / dt_s - rate)
-    has = averaged >= 0.0
-    since_s = state.since_s if has == (state.left_m >= 0.0) else now
+    has = counted >= 0.0
+    since_s = state.since_s if has == (state.counts_m >= 0.0) else now
     armed = state.armed or (has and now - since_s >= ARMED_S)
-    return EscapeState(
-        left_m=averaged,
-        rate_mps=rate,
-        since_s=since_s,
-        armed=armed,
-        still_s=still_s,
+    return state._replace(
+        left_m=averaged, rate_mps=rate, counts_m=counted, since_s=since_s, armed=armed
     )
+
+
+def _carried_step(state: EscapeState, soars: bool, air: AirEstimate, dt_s: float) -> EscapeState:
+    """The least wind in which it has soared on this line; another line begins anew."""
+    wind = wind_speed(air)
+    if not soars or wind != wind:
+        return state._replace(wind_mps=NAN, carried_mps=INFINITE)
+    averaged = state.wind_mps
+    if averaged == averaged:
+        averaged += (1.0 - exp(-dt_s / TREND_S)) * (wind - averaged)
+    else:
+        averaged = wind
+    return state._replace(wind_mps=averaged, carried_mps=min(state.carried_mps, averaged))
 
 
 def is_short(state: EscapeState, now_s: float) -> bool:
     """Whether the last moment to break off has come."""
-    return state.armed and state.left_m < 0.0 and now_s - state.since_s >= SHORT_S  # false for NaN
+    return (
+        state.armed and state.counts_m < 0.0 and now_s - state.since_s >= SHORT_S
+    )  # false for NaN
 
 
 def time_left(state: EscapeState) -> float:

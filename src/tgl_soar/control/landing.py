@@ -193,6 +193,7 @@ class LandingParams(NamedTuple):
     spare_m: float  # of height, when it breaks off at the latest
     asked: int  # STAY, BREAK or SOAR_ON
     auto: bool  # it breaks off by itself when the height is gone
+    waits: bool  # but not for a wind that has risen since it soars: until it falls
     clearance_m: float  # soaring, and then too when it is nearer to the ground than this
     polar: GlidePolar
     best_glide_mps: float

@@ -6,7 +6,6 @@ supervisor and the attitude loops get from them.
 
 from __future__ import annotations
 
-from math import hypot
 from typing import Final, NamedTuple
 
 from tgl_soar.control import landing, launch
@@ -16,6 +15,7 @@ from tgl_soar.control.envelope import OUT_DOWNSTREAM, Limited, Margins
 from tgl_soar.control.escape import (
     NO_ESCAPE,
     EscapeState,
+    EscapeView,
     escape_step,
     is_on_ground,
     is_short,
@@ -48,9 +48,10 @@ from tgl_soar.control.pid import PidState, PidTerms, pid_step
 from tgl_soar.control.soaring import SoaringState, gliding_step
 from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
+from tgl_soar.control.wind_triangle import wind_speed
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState, isfinite
+from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
 
 SINKS_S: Final = 2.0  # of a second each to find out and to gain speed
 # A gust of some metres' eddy is over in half of it, and its own speed carries an aircraft so long.
@@ -108,7 +109,7 @@ def phase_step(
     if launching or began.standing != launch.IDLE:
         off = e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m)
         to_go = off - e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
-        view = LaunchView(
+        seen = LaunchView(
             vehicle=vehicle,
             imu=inputs.imu,
             position_ok=estimates.health.position_ok,
@@ -122,10 +123,16 @@ def phase_step(
             off_max_m=laws.guards.e_rho_max_m,
             line_rests=not line.moving,
         )
-        began = launch_step(laws.launch, began, launching, view, dt_s)
+        began = launch_step(laws.launch, began, launching, seen, dt_s)
     in_air, goes_home = not launching or is_aloft(began), modes.goes_home(mode)
     sure, air = knows_place(laws, estimates), estimates.air
-    escape = escape_step(laws.landing, state.escape, in_air, goes_home, sure, vehicle, air, dt_s)
+    view = EscapeView(
+        flying=in_air,
+        goes_home=goes_home,
+        soars=mode == modes.SOARING and not line.moving,
+        place_known=sure,
+    )
+    escape = escape_step(laws.landing, state.escape, view, vehicle, air, dt_s)
     glide = state.glide if goes_home else NO_GLIDE
     lull = _lull_step(laws, state.lull, mode, estimates, dt_s)
     return LaunchLandingState(launch=began, escape=escape, glide=glide, lull=lull)
@@ -136,10 +143,7 @@ def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: 
     if mode not in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
         return NO_LULL
     home, air = laws.landing, estimates.air
-    wind = air.wind_mps
-    if isfinite(air.cross_wind_mps):
-        wind = hypot(wind, air.cross_wind_mps)
-    slow = wind + air.wind_sigma_mps < home.polar.speed_min_mps  # false for NaN
+    slow = wind_speed(air) + air.wind_sigma_mps < home.polar.speed_min_mps  # false for NaN
     sinks_m = SINKS_S * min(0.0, estimates.vehicle.climb_mps)
     low = estimates.margins.clearance_m + sinks_m < home.clearance_m
     low = low and mode == modes.SOARING and not laws.surveys  # which turns there by itself

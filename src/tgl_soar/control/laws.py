@@ -223,6 +223,7 @@ def _landing_params(
         spare_m=values["ESC_SPARE"],
         asked=int(values["ESC_START"]),
         auto=values["ESC_AUTO"] != 0.0,
+        waits=values["ESC_AUTO"] == 2.0,
         clearance_m=values["ESC_CLEAR"],
         polar=aerodynamics.polar,
         best_glide_mps=values["DYN_BEST"] or values["SPEED_MIN"] + SLOW_BY_MPS,  # 0: not known

@@ -5,7 +5,7 @@ Bearings from straight upwind of the soaring frame, positive to the right.
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, hypot, sin, sqrt
 
 from tgl_soar.types import NAN, AirEstimate
 
@@ -23,3 +23,14 @@ def ground_speed(
 def cross_wind(air: AirEstimate) -> float:
     """c [m/s], to the right; 0 where it is not known."""
     return air.cross_wind_mps if air.cross_wind_mps == air.cross_wind_mps else 0.0
+
+
+def wind_speed(air: AirEstimate) -> float:
+    """Horizontal, of both axes where both are known [m/s]; NaN: not known."""
+    return hypot(air.wind_mps, cross_wind(air))
+
+
+def slower(air: AirEstimate, wind_mps: float) -> AirEstimate:
+    """The same air in a wind of the same direction with another speed, above zero before."""
+    factor = wind_mps / wind_speed(air)
+    return air._replace(wind_mps=factor * air.wind_mps, cross_wind_mps=factor * air.cross_wind_mps)
