@@ -93,16 +93,28 @@ def test_what_counts_as_lost_and_as_landed() -> None:
         (replace(HOME, sink_mps=1.6, left_m=nan), 0),
         (replace(GOOD, ended="disengaged: too low"), 1),
         (replace(HOME, across_m=5.1), 2),
+        (replace(HOME, landing=False, left_m=nan, mean_mps=9.0, auto=2), 3),
     ],
 )
 def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
     assert all(found.holds for found in windy_hour._claims([GOOD, HOME]))
     found = windy_hour._claims([GOOD, HOME, bad])
-    assert [each.holds for each in found] == [i != claim for i in range(3)]
+    also = (0,) if claim == 3 else ()
+    assert [each.holds for each in found] == [i not in (claim, *also) for i in range(4)]
+
+
+def test_what_is_lost_by_waiting_is_held_against_the_same_wind() -> None:
+    lost = replace(HOME, landing=False, mean_mps=9.0)
+    for at_once, waited, holds in ((1, 1, True), (2, 1, True), (0, 1, False)):
+        flown = [lost] * at_once + [replace(lost, auto=2)] * waited
+        assert windy_hour._claims(flown)[3].holds == holds
+    assert (
+        windy_hour._claims([replace(lost, mean_mps=7.0), replace(lost, auto=2)])[3].holds is False
+    )
 
 
 def test_the_table_and_the_figure(flown: FlownHour, tmp_path: Path) -> None:
-    table = windy_hour._table({8.0: [flown, HOME], 30.0: [GOOD]})
+    table = windy_hour._table({flown.case: [flown, HOME], GOOD.case: [GOOD]})
     assert all(len(row) == len(table.columns) for row in table.rows)
     assert windy_hour.drawn_seed([GOOD, replace(HOME, seed=7)]) == 7
     windy_hour.draw_hour(tmp_path / "hour.png", HourJob(8.0, 4, 60.0))
