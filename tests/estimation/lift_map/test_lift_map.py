@@ -4,12 +4,13 @@ potential flow.  Errors are those of excess updraft, over what the map says of t
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import exp, nan, radians
+from math import exp, log, nan, radians
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from scipy.stats import multivariate_normal
 
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
@@ -335,3 +336,260 @@ def test_each_draw_has_a_trend_of_its_own() -> None:
 def test_a_first_reading_without_wind_is_refused(wind_mps: float) -> None:
     with pytest.raises(ValueError, match="first reading"):
         LiftMap(HILL, HILL_BOX, POLAR, read((0.0, 9.0), wind_mps, 0.0, 9.0, 0.0), pitot=True)
+
+
+# --- by matrices --------------------------------------------------------------------------------
+
+FAR_BOX = Box(-8.0, 4.0, 0.0, 10.0)
+SLOPE = Ground(2, (-6.0, *(2.0,) * 7), (0.0, *(4.0,) * 7))
+
+
+def begun(pitot: bool = True) -> LiftMap:
+    return LiftMap(SLOPE, FAR_BOX, POLAR, read((-3.0, 5.0), 9.0, 1.0, 9.0, 0.0), pitot=pitot)
+
+
+def grown(seed: int = 1, readings: int = 6) -> LiftMap:
+    """A lift map after some readings of an air that changes: nothing of it is zero."""
+    lift, rng = begun(), np.random.default_rng(seed)
+    for i in range(readings):
+        u, w, e = rng.normal((8.5 + 0.2 * i, 1.0, -0.2), 0.3).tolist()
+        lift.take(read((-3.0 + 0.3 * i, 5.0 - 0.2 * i), u, w, u, e, since_s=0.7))
+    return lift
+
+
+def measured(lift: LiftMap, reading: Reading) -> tuple[Floats, Floats, Floats]:
+    """Rows, values and variances of a reading, by the page's equations."""
+    basis, gusts = lift.basis, lift.gusts_mps2
+    (u,), (w,) = basis.features(reading.x_m, reading.z_m)
+    unit = np.eye(basis.count)
+    falls = float(sink(POLAR, reading.airspeed_mps))
+    all_of_it = [
+        (u, reading.wind_mps, 3.0 * (gusts + 0.10**2)),
+        (w + unit[basis.updraft_bias], reading.updraft_mps, 4.5 * (gusts + 0.08**2)),
+        (w - falls * unit[basis.sink_scale], reading.energy_mps + falls, 4.5 * (gusts + 0.05**2)),
+    ]
+    rows, values, noise = zip(*(row for row in all_of_it if row[1] == row[1]), strict=True)
+    return np.array(rows), np.array(values), np.array(noise)
+
+
+def together(lift: LiftMap, k: int) -> tuple[Floats, Floats]:
+    """Mean and covariance of the weights and, last, of the trend of one of the two maps."""
+    weights, trend = lift.maps[k], lift.trends[k]
+    mean = np.append(weights.mean, trend.rate_per_s)
+    shared = trend.shared[:, None]
+    return mean, np.block([[weights.covariance, shared], [shared.T, np.array([[trend.variance]])]])
+
+
+@pytest.mark.parametrize("unknown", ["", "wind_mps", "updraft_mps", "energy_mps", "airspeed_mps"])
+@pytest.mark.parametrize("since_s", [0.2, 4.0, 0.0, nan])
+def test_the_lift_map_is_one_kalman_filter_of_weights_and_trend(
+    since_s: float, unknown: str
+) -> None:
+    """θ' = θ + T (1 − e^(−t/T)) r θ and r' = e^(−t/T) r, linear about the mean; then Bayes."""
+    lift = grown()
+    lift._log_odds = -1.0
+    priors = [begun().basis.prior(-3.0, 5.0, 9.0, True, sd).covariance for sd in (0.8, 4.0)]
+    reading = read((-1.0, 6.0), 8.0, 1.4, 8.2, -0.4, since_s)
+    if unknown:
+        changes: dict[str, float] = {unknown: nan}
+        reading = reading._replace(**changes)
+    rows, values, noise = measured(lift, reading)
+    t = since_s if since_s > 0.0 else 0.0
+    kept = exp(-t / 5.0)
+    n = lift.basis.count
+    expected, likelihoods = [], []
+    for k in range(2):
+        mean, covariance = together(lift, k)
+        flow = np.append(mean[: n - 2], [0.0, 0.0])
+        f = np.eye(n + 1)
+        f[:n, n] = 5.0 * (1.0 - kept) * flow
+        f[n, n] = kept
+        q = np.zeros((n + 1, n + 1))
+        q[:n, :n] = t / 400.0 * priors[k] + 0.006**2 * t * np.outer(flow, flow)
+        q[n, n] = (1.0 - kept**2) * 0.010**2
+        rate = mean[n]
+        mean = np.append(mean[:n] + 5.0 * (1.0 - kept) * rate * flow, kept * rate)
+        covariance = f @ covariance @ f.T + q
+        padded = np.hstack([rows, np.zeros((len(rows), 1))])
+        scatter = padded @ covariance @ padded.T + np.diag(noise)
+        off = values - padded @ mean
+        gain = covariance @ padded.T @ np.linalg.inv(scatter)
+        likelihoods.append(float(multivariate_normal(np.zeros(len(off)), scatter).logpdf(off)))
+        expected.append((mean + gain @ off, covariance - gain @ scatter @ gain.T))
+    odds = -1.0 + likelihoods[1] - likelihoods[0]
+    lift.take(reading)
+    for k in range(2):
+        mean, covariance = together(lift, k)
+        assert mean == pytest.approx(expected[k][0], rel=1e-7, abs=1e-10)
+        assert covariance == pytest.approx(expected[k][1], rel=1e-6, abs=1e-10)
+    assert lift.loose == pytest.approx(1.0 / (1.0 + exp(-odds)))
+    assert lift.readings == 7
+
+
+def test_a_trend_s_process_is_stationary() -> None:
+    """Without readings of it, it is after any time what it was beforehand."""
+    lift = begun()
+    assert lift.trend == pytest.approx((0.0, 0.010))
+    lift.take(read((-3.0, 5.0), nan, nan, nan, nan, since_s=9.0))
+    assert lift.readings == 0
+    # The first reading is of no time: it says nothing of a trend.
+    lift.take(read((-3.0, 5.0), 9.0, 1.0, 9.0, 0.0, since_s=0.0))
+    assert lift.trend == pytest.approx((0.0, 0.010))
+
+
+def test_a_reading_of_the_lift_map_is_pulled_in_to_five_standard_deviations() -> None:
+    """As much is learnt of one that is 5 deviations off as of any that is farther."""
+
+    def after(deviations: float) -> Floats:
+        lift = grown()
+        reading = read((-1.0, 6.0), 0.0, nan, nan, nan, since_s=0.0)
+        rows, _, noise = measured(lift, reading)
+        # Of the first map: the two differ by their means and covariances.
+        mean, covariance = lift.maps[0]
+        sd = float(np.sqrt(rows @ covariance @ rows.T + noise)[0, 0])
+        lift.take(reading._replace(wind_mps=float((rows @ mean)[0]) + deviations * sd))
+        return lift.maps[0].mean - mean
+
+    for sign in (-1.0, 1.0):
+        unit = after(sign)
+        assert after(4.9 * sign) == pytest.approx(4.9 * unit, rel=1e-6, abs=1e-12)
+        assert after(5.1 * sign) == pytest.approx(5.0 * unit, rel=1e-6, abs=1e-12)
+
+
+def test_how_likely_it_is_that_the_profile_says_nothing_has_ends() -> None:
+    lift = begun()
+    assert lift.loose == pytest.approx(0.05)
+    for _ in range(40):
+        lift.take(read((-7.0, 1.0), 9.0, -6.0, 9.0, -6.0))  # through the ground
+    assert lift.loose == pytest.approx(1000.0 / 1001.0)
+    lift._log_odds = -20.0
+    lift.take(read((-1.0, 3.0), 9.0, 0.0, 9.0, 0.0))
+    assert lift.loose == pytest.approx(1.0 / 1001.0)
+
+
+@pytest.mark.parametrize("since_s", [0.0, 0.6, 3.0, 9.0, -1.0])
+@pytest.mark.parametrize("unknown", ["", "wind_mps", "updraft_mps", "both"])
+@pytest.mark.parametrize("loose", [False, True])
+def test_gusts_of_the_lift_map_are_what_the_likelier_map_does_not_explain(
+    loose: bool, unknown: str, since_s: float
+) -> None:
+    lift = grown()
+    lift._log_odds = 3.0 if loose else -3.0
+    before = lift.gusts_mps2
+    reading = read((-1.0, 6.0), 7.0, 2.4, 8.2, -0.4, since_s)
+    changes: dict[str, float] = {}
+    if unknown:
+        changes = dict.fromkeys(
+            ("wind_mps", "updraft_mps") if unknown == "both" else (unknown,), nan
+        )
+        reading = reading._replace(**changes)
+    lift.take(reading)
+    u, w = lift.basis.features(reading.x_m, reading.z_m)
+    mean = lift.maps[int(loose)].mean
+    assert (lift.mean() == mean).all()
+    biased = w[0].copy()
+    biased[lift.basis.updraft_bias] += 1.0
+    off = [reading.wind_mps - u[0] @ mean, reading.updraft_mps - biased @ mean]
+    squares = [each**2 for each in off if each == each]
+    weight = min(1.0, max(0.0, since_s / 3.0)) if squares else 0.0
+    met = float(np.mean(squares)) if squares else 0.0
+    assert lift.gusts_mps2 == pytest.approx((1.0 - weight) * before + weight * met)
+
+
+def test_gusts_are_three_hundredths_of_the_wind_until_they_are_met() -> None:
+    assert begun().gusts_mps2 == pytest.approx(0.27**2)
+
+
+def test_the_lift_map_says_the_mixture_of_its_two() -> None:
+    """Moments of E = w − (1 + p) S(u) by differences of the weights; then of both maps."""
+    lift = grown()
+    lift._log_odds = log(0.3 / 0.7)
+    assert lift.loose == pytest.approx(0.3)
+    (u,), (w,) = lift.basis.features(-1.0, 6.0)
+
+    def air(weights: Floats) -> Floats:
+        wind, updraft = float(u @ weights), float(w @ weights)
+        scale = 1.0 + weights[lift.basis.sink_scale]
+        return np.array([wind, updraft, updraft - scale * float(sink(POLAR, wind))])
+
+    means, squares = np.zeros(3), np.zeros(3)
+    for weights, chance in zip(lift.maps, (0.7, 0.3), strict=True):
+        h = 1e-5
+        slopes = np.array(
+            [
+                (air(weights.mean + h * one) - air(weights.mean - h * one)) / (2.0 * h)
+                for one in np.eye(lift.basis.count)
+            ]
+        )
+        mean = air(weights.mean)
+        means += chance * mean
+        squares += chance * (np.einsum("ia,ij,ja->a", slopes, weights.covariance, slopes) + mean**2)
+    said = [float(column[0]) for column in lift.at(-1.0, 6.0)]
+    assert said[:3] == pytest.approx(means)
+    assert said[3:] == pytest.approx(np.sqrt(squares - means**2), rel=1e-6)
+    # And its gradient is that of its own excess, in the middle of a hundredth of H to each side.
+    h = 0.01 * 10.0
+    dx, dz = lift.excess_gradient(-1.0, 6.0)
+    excess = lift.at([-1.0 - h, -1.0 + h, -1.0, -1.0], [6.0, 6.0, 6.0 - h, 6.0 + h]).excess_mps
+    assert dx == pytest.approx((excess[1] - excess[0]) / (2.0 * h))
+    assert dz == pytest.approx((excess[3] - excess[2]) / (2.0 * h))
+
+
+def test_what_a_trend_makes_within_a_time_is_its_integral() -> None:
+    for time_s in (0.3, 2.0, 12.0):
+        steps = np.linspace(0.0, time_s, 4001)
+        assert lasting_s(time_s) == pytest.approx(np.trapezoid(np.exp(-steps / 5.0), steps))
+    lift = grown()
+    for odds, k in ((1.0, 1), (-1.0, 0)):
+        lift._log_odds = odds
+        assert lift.trend == (lift.trends[k].rate_per_s, lift.trends[k].variance ** 0.5)
+        assert lift.ahead(2.0) == pytest.approx(exp(lift.trends[k].rate_per_s * lasting_s(2.0)))
+        assert abs(lift.ahead(2.0) - 1.0) > 1e-4
+
+
+def test_each_of_the_two_maps_has_as_many_draws_as_its_weight_says() -> None:
+    """The looser one's come first; each is the mean, a root of the covariance times its normals."""
+    lift = grown()
+    lift._log_odds = log(0.3 / 0.7)
+    n = lift.basis.count
+    rng = np.random.default_rng(2)
+    normals, others = rng.normal(size=(10, n)), rng.normal(size=10)
+    roots = [root_of(weights.covariance) for weights in lift.maps]
+    for root, weights in zip(roots, lift.maps, strict=True):
+        assert root @ root.T == pytest.approx(weights.covariance, rel=1e-6, abs=1e-9)
+    for spread, drawn in ((1.0, lift.draws(normals)), (1.3, lift.draws(normals, 1.3))):
+        for i in range(10):
+            k = int(i < 3)
+            assert drawn[i] == pytest.approx(lift.maps[k].mean + spread * (roots[k] @ normals[i]))
+    # Weights and trend of a draw are of one normal distribution: a root of them together.
+    ahead = lift.draws_ahead(normals, others, 1.5)
+    for i in range(10):
+        mean, covariance = together(lift, int(i < 3))
+        root = np.linalg.cholesky(covariance + 1e-12 * covariance.max() * np.eye(n + 1))
+        rate = mean[n] + root[n] @ np.append(normals[i], others[i])
+        assert np.log(ahead[i]) == pytest.approx(rate * lasting_s(1.5), rel=1e-3)
+
+
+@pytest.mark.parametrize(("least", "correlated"), [(-0.5e-4, True), (-2e-4, False)])
+def test_a_covariance_that_is_no_more_than_rounding_off_keeps_its_correlations(
+    least: float, correlated: bool
+) -> None:
+    """Five times a jitter is tried, from 1e-12 to 1e-4 of the largest variance."""
+    covariance = np.array([[1.0, 1.0 - least], [1.0 - least, 1.0]])
+    root = root_of(covariance)
+    assert (root[1, 0] != 0.0) == correlated
+    assert np.diag(root @ root.T) == pytest.approx([1.0, 1.0], abs=2e-4)
+    large = root_of(1e6 * covariance)
+    assert (large[1, 0] != 0.0) == correlated
+    assert root_of(np.eye(2)) == pytest.approx(np.eye(2), abs=1e-11)
+    assert (root_of(np.diag([-1.0, 4.0])) == np.diag([0.0, 2.0])).all()
+
+
+@pytest.mark.parametrize("changes", [{"x_m": nan}, {"z_m": nan}, {"wind_mps": float("inf")}])
+def test_a_lift_map_begins_at_a_known_place_in_a_wind(changes: dict[str, float]) -> None:
+    first = read((-3.0, 5.0), 9.0, 1.0, 9.0, 0.0)._replace(**changes)
+    with pytest.raises(ValueError, match="positive wind at a known place"):
+        LiftMap(SLOPE, FAR_BOX, POLAR, first, pitot=True)
+    lift = begun()
+    lift.take(read((-3.0, nan), 9.0, 1.0, 9.0, 0.0))
+    assert lift.readings == 0
