@@ -156,3 +156,145 @@ def test_a_pose_without_a_rotation_is_not_flown_with() -> None:
     flight = Flight().runs(3.0, turned(0.5)).runs(0.2, (0.0, 0.0, 0.0, 0.0))
     assert not flight.tracked.is_chosen
     assert flight.given[-1][2:6] == LEVEL
+
+
+# --- each limit from both sides -----------------------------------------------------------------
+
+
+def reported_at(time_s: float, attitude: Quaternion = LEVEL, sequence: int = 1) -> AttitudeSample:
+    return AttitudeSample(sequence, time_s, *attitude, 0.1, 0.2, 0.3)
+
+
+def steady(until_s: float = 12.5, pose: Quaternion = LEVEL) -> TrackedAttitude:
+    """Poses each 10 ms from 10 s on, with an autopilot's attitude beside each."""
+    tracked = TrackedAttitude()
+    for i in range(round((until_s - 10.0) * 100.0) + 1):
+        now_s = 10.0 + 0.01 * i
+        tracked.take(pose, now_s, reported_at(now_s))
+        tracked.choose(now_s, reported_at(now_s))
+    return tracked
+
+
+@pytest.mark.parametrize(("after_s", "chosen"), [(1.99, False), (2.0, True)])
+def test_poses_are_taken_once_they_have_agreed_for_two_seconds(
+    after_s: float, chosen: bool
+) -> None:
+    assert steady(10.0 + after_s + 1e-6).is_chosen == chosen
+
+
+@pytest.mark.parametrize(("gap_s", "chosen"), [(0.049, True), (0.051, False)])
+def test_a_gap_of_five_hundredths_between_poses_begins_the_two_seconds_anew(
+    gap_s: float, chosen: bool
+) -> None:
+    tracked = steady(11.97)
+    tracked.take(LEVEL, 11.97 + gap_s, reported_at(12.0))
+    tracked.take(LEVEL, 12.04, reported_at(12.0))
+    tracked.choose(12.04, reported_at(12.04))
+    assert tracked.is_chosen == chosen
+
+
+@pytest.mark.parametrize(("age_s", "given"), [(0.049, True), (0.051, False)])
+def test_a_pose_is_flown_with_until_it_is_five_hundredths_old(age_s: float, given: bool) -> None:
+    tracked = steady(12.5, turned(0.5))
+    sample = tracked.choose(12.5 + age_s, reported_at(12.5))
+    assert (sample[2:6] == turned(0.5)) == given
+    assert tracked.is_chosen == given
+    assert tracked.switches == (0 if given else 1)
+    if not given:  # and after that it has to be steady again
+        tracked.take(turned(0.5), 12.56, reported_at(12.56))
+        tracked.choose(12.56, reported_at(12.56))
+        assert not tracked.is_chosen
+
+
+@pytest.mark.parametrize(("apart_s", "compared"), [(0.049, True), (0.051, False)])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_pose_is_compared_with_what_was_reported_within_five_hundredths(
+    apart_s: float, compared: bool, sign: float
+) -> None:
+    tracked = TrackedAttitude()
+    tracked.take(rolled(1.0), 10.0, reported_at(10.0 + sign * apart_s))
+    assert (tracked.refused, tracked.used) == ((1, 0) if compared else (0, 1))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6, 2.0, 3.0])
+def test_it_is_the_angle_of_the_verticals_that_is_compared(angle: float) -> None:
+    """Nose and wing at once, from an attitude that is turned itself: 0.17 rad and no more."""
+    for tilt, refused in ((0.169, 0), (0.171, 1), (-0.169, 0), (-0.171, 1)):
+        for axis in ((1.0, 0.0), (0.0, 1.0), (0.6, 0.8)):
+            s, c = sin(0.5 * tilt), cos(0.5 * tilt)
+            # About a level axis: the vertical is off by all of it.
+            tilted = times((c, axis[0] * s, axis[1] * s, 0.0), rolled(angle))
+            pose, base = times(turned(0.9), tilted), times(turned(-0.4), rolled(angle))
+            tracked = TrackedAttitude()
+            tracked.take(pose, 10.0, reported_at(10.0, base))
+            assert tracked.refused == refused
+
+
+def times(a: Quaternion, b: Quaternion) -> Quaternion:
+    """One rotation, and before it another."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def test_an_aircraft_on_its_back_is_half_a_turn_off() -> None:
+    tracked = TrackedAttitude()
+    tracked.take(LEVEL, 9.99, reported_at(9.99))
+    tracked.choose(9.99, NO_ATTITUDE)
+    assert tracked.is_chosen
+    tracked.take(rolled(pi), 10.0, reported_at(10.0))
+    assert tracked.notices[-1] == (4, "the tracked attitude is 180 degrees off: not used")
+    assert (tracked.switches, tracked.is_chosen) == (1, False)
+
+
+@pytest.mark.parametrize(("apart_s", "known"), [(0.099, True), (0.101, False)])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_rates_of_a_tenth_of_a_second_ago_go_with_a_pose(
+    apart_s: float, known: bool, sign: float
+) -> None:
+    tracked = TrackedAttitude()
+    tracked.take(turned(0.5), 10.0, reported_at(10.0 + sign * apart_s))
+    rates = tracked.choose(10.0, NO_ATTITUDE)[6:9]
+    assert (rates == (0.1, 0.2, 0.3)) == known
+    assert known or all(rate != rate for rate in rates)
+
+
+def test_a_pose_that_is_refused_is_forgotten_and_the_next_one_begins_anew() -> None:
+    tracked = steady(11.5)
+    assert tracked.used == 151
+    tracked.take(rolled(1.0), 11.51, reported_at(11.51))
+    assert tracked.notices == []  # it was not in use: nobody needs to be told
+    assert (tracked.refused, tracked.used, tracked.switches) == (1, 151, 0)
+    # Before the autopilot has any, what is fresh is taken at once: this is none.
+    assert tracked.choose(11.51, NO_ATTITUDE) is not None
+    assert not tracked.is_chosen
+    for i in range(100):
+        now_s = 11.52 + 0.01 * i
+        tracked.take(LEVEL, now_s, reported_at(now_s))
+        tracked.choose(now_s, reported_at(now_s))
+    assert not tracked.is_chosen
+    assert tracked.used == 251
+
+
+def test_what_is_told_of_a_change_has_its_severity() -> None:
+    tracked = steady(12.5)
+    assert tracked.notices == [(6, "attitude: the tracker's")]
+    tracked.choose(13.0, reported_at(13.0))
+    assert tracked.notices[1:] == [
+        (4, "no tracked attitude for 50 ms: the autopilot's is used"),
+    ]
+
+
+def test_samples_of_either_source_are_numbered_one_after_the_other() -> None:
+    tracked = TrackedAttitude()
+    assert tracked.choose(10.0, NO_ATTITUDE).sequence == 0
+    one = reported_at(10.0, sequence=40)
+    assert [tracked.choose(10.0, one).sequence for _ in range(3)] == [1, 1, 1]
+    assert tracked.choose(10.01, reported_at(10.01, sequence=41)).sequence == 2
+    tracked.reset()
+    assert tracked.choose(10.02, reported_at(10.02, sequence=42)).sequence == 3
