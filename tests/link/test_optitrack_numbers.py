@@ -255,6 +255,14 @@ def test_after_fifty_messages_that_cannot_be_read_it_is_asked_who_it_is(data: by
     assert talk.client.info is not None
 
 
+def test_they_are_fifty_from_the_first_one_on_too() -> None:
+    client = Optitrack(SETTINGS._replace(body=7), lockstep=True)
+    client.take(INFO, SERVER, 10.0)
+    for _ in range(49):
+        client.take(GARBAGE, SERVER, 10.0)
+    assert client.info is not None
+
+
 @pytest.mark.parametrize("good", ["frame", "models"])
 def test_fifty_in_a_row_are_not_those_between_which_something_could_be_read(good: str) -> None:
     talk = Talk()
@@ -324,6 +332,12 @@ def test_definitions_that_have_changed_are_asked_for_once_and_nothing_is_used_un
     assert talk.sees() is not None
     talk.now_s += 0.01
     assert talk.gives(talk.frame(changed=True)) is None  # and comes again
+
+
+def test_the_first_frame_may_say_it_too() -> None:
+    talk = Talk()
+    assert talk.gives(talk.frame(changed=True)) is None
+    assert layout.MODELS_REQUEST in talk.asks()
 
 
 @pytest.mark.parametrize(("number", "used"), [(501, True), (500, False), (3, False)])
@@ -510,7 +524,8 @@ def test_an_answer_is_given_time_for_its_stream_to_begin() -> None:
 
 
 def test_another_clock_of_ours_forgets_what_was_timed_by_the_old_one() -> None:
-    client = streamed()
+    client = streamed(SETTINGS._replace(body=7))
+    assert client.clock.is_known
     client.poll(10.5)
     client.rebase()
     client.poll(3.0)  # it has gone back, and no silence is counted
@@ -523,7 +538,6 @@ def test_another_clock_of_ours_forgets_what_was_timed_by_the_old_one() -> None:
         number=2, bodies=[far], time_s=0.0, exposed_ticks=ticks,
         received_ticks=ticks, sent_ticks=ticks,
     )  # fmt: skip
-    client.take(encode_models((4, 1), [GLIDER]), SERVER, 3.0)
     fix = client.take(encode_frame((4, 1), scene), SERVER, 3.01)
     assert fix is not None
     assert fix.time_s == pytest.approx(3.01)
