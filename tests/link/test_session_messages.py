@@ -136,6 +136,9 @@ def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
     assert talk.receiver.known(1.0) == (1.5, 2.5)
     assert talk.counters.foreign == 0
     assert (talk.custom_mode, talk.mismatch) == (0, "")
+    assert not talk.position.reckoned
+    hear(talk, position(1020), 1.02)
+    assert talk.position.reckoned  # by an estimator that claims nothing
 
 
 def test_parameters_of_the_autopilot_answer_what_was_asked() -> None:

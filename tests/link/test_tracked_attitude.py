@@ -242,6 +242,14 @@ def times(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
+def test_rounding_makes_no_angle() -> None:
+    """The cosine between these, which differ in length alone, is 1 and the last bit."""
+    w, x, y, z = 0.37, 0.94, 0.45, 0.06
+    tracked = TrackedAttitude()
+    tracked.take((w, x, y, z), 10.0, reported_at(10.0, (0.7 * w, 0.7 * x, 0.7 * y, 0.7 * z)))
+    assert tracked.used == 1
+
+
 def test_an_aircraft_on_its_back_is_half_a_turn_off() -> None:
     tracked = TrackedAttitude()
     tracked.take(LEVEL, 9.99, reported_at(9.99))
