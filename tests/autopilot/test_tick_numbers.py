@@ -25,7 +25,7 @@ from tgl_soar.autopilot import (
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import CUT_NOSE_UP
-from tgl_soar.control.heading import bank_setpoint
+from tgl_soar.control.heading import bank_setpoint, heading_setpoint
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.pid import PidState
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
@@ -203,6 +203,21 @@ def test_what_a_gust_takes_out_is_added_too(monkeypatch: pytest.MonkeyPatch) -> 
     assert met.setpoints.heading_rad == pytest.approx(plain.setpoints.heading_rad + 0.01)
 
 
+def test_the_heading_is_to_the_waypoint_about_where_the_wind_comes_from(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    flight = soaring().fly(0.2)
+
+    def beside(found: Any) -> Any:
+        return found._replace(vehicle=found.vehicle._replace(y_m=0.5), veer_rad=0.02)
+
+    replaced(monkeypatch, "estimate", beside)
+    output = tick(flight)[1]
+    course = heading_setpoint(LAWS.heading, output.vehicle.x_m, 0.5)
+    assert course < -0.03
+    assert output.setpoints.heading_rad == pytest.approx(0.02 + course)
+
+
 def test_an_excitation_is_added_to_the_setpoint_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = soaring().fly(0.2)
     plain = tick(flight)[1]
@@ -264,6 +279,24 @@ def test_who_turns_by_banking_is_given_a_bank() -> None:
     assert state.sideways == flight.state.sideways
     own, _ = tick(flight)
     assert own.sideways != flight.state.sideways
+
+
+@pytest.mark.parametrize("in_hand", [False, True])
+def test_loops_begin_anew_in_a_hand_and_in_no_other_tick(
+    monkeypatch: pytest.MonkeyPatch, in_hand: bool
+) -> None:
+    flight = soaring().fly(0.2)
+    asked: list[Any] = []
+    part = autopilot.way.loops_in_hand
+
+    def loops(*given: Any) -> Any:
+        asked.append(given[0])
+        return part(*given)
+
+    monkeypatch.setattr(autopilot.way, "loops_in_hand", loops)
+    monkeypatch.setattr(autopilot.way, "is_in_hand", lambda _: in_hand)
+    tick(flight)
+    assert asked == ([flight.state.loops] if in_hand else [])
 
 
 def test_accelerations_count_for_the_brake_once_they_have_all_the_weight(
