@@ -230,3 +230,58 @@ def test_a_line_turns_to_where_it_is_wanted_by_no_more_than_it_may() -> None:
     assert turned[:, 1] == pytest.approx([-0.1, -0.2, -0.25, -0.25])
     assert turned[:, 2] == pytest.approx([0.04] * 4)
     assert turned[:, 3] == pytest.approx([0.0] * 4)
+
+
+@pytest.mark.parametrize(("diffusion_m2ps", "in_gusts_alone"), [(0.5, False), (400.0, True)])
+def test_a_place_holds_for_kramers_time_or_for_that_of_gusts_alone(
+    diffusion_m2ps: float, in_gusts_alone: bool
+) -> None:
+    """(2π/λ) e^(ΔV/D) or (L²/2D) e^(ΔV/D), of D over the leverage's square."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    lines = Lines(np.array([0.0]), np.array([10.0]), np.array([ETA]))
+    leverage = sin(ETA) - polar_slope(POLAR, WIND_MPS) * cos(ETA)
+    air = fields(falls, -0.2)
+    at = np.array([0.0]), np.array([10.0])
+    well = wells(GRID, air, POLAR, GUARDS, lines, *at, diffusion_m2ps)
+    along = diffusion_m2ps / leverage**2
+    way = 8.5 / sin(ETA)
+    turn_s, spread_s = 2.0 * np.pi / float(well.rate_per_s[0]), way**2 / (2.0 * along)
+    assert (spread_s < turn_s) == in_gusts_alone
+    expected = min(turn_s, spread_s) * np.exp(float(well.depth_m2ps[0]) / along)
+    assert well.holds_s[0] == pytest.approx(expected, rel=0.06 if in_gusts_alone else 1e-6)
+    # In the first field alone, and with its own scale of the sink.
+    both = Fields(*(np.concatenate([part, 3.0 * part]) for part in air))
+    assert wells(GRID, both, POLAR, GUARDS, lines, *at, diffusion_m2ps) == well
+    sinking = wells(GRID, air._replace(sink_scale=np.array([1.5])), POLAR, GUARDS, lines, *at, 1.5)
+    assert sinking.depth_m2ps[0] < 0.7 * well.depth_m2ps[0]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"landing_m": 7.0},
+        {"clearance_m": 7.0},
+        {"box": BOX._replace(z_max_m=13.0)},
+        {"box": BOX._replace(z_min_m=7.0)},
+        {"box": BOX._replace(x_max_m=3.0 / tan(radians(75.0)))},
+        {"box": BOX._replace(x_min_m=-3.0 / tan(radians(75.0)))},
+    ],
+)
+def test_a_rim_is_where_a_guard_is_left(changes: dict[str, object]) -> None:
+    """Each of them 3 m below or above the place: ½ λ 3² / sin² η."""
+    falls = polar_sink(POLAR, WIND_MPS)
+    lines = Lines(np.array([0.0]), np.array([10.0]), np.array([ETA]))
+    guards = GUARDS._replace(**changes)  # type: ignore[arg-type]
+    # The grid's own box stays: the guards alone move.
+    well = wells(
+        *(GRID, fields(falls, -0.2), POLAR, GUARDS._replace(box=BOX), lines),
+        *(np.array([0.0]), np.array([10.0]), 1.0),
+    )
+    reach = 0.5 * guards.box.height_m
+    near = wells(
+        *(GRID, fields(falls, -0.2), POLAR, guards, lines),
+        *(np.array([0.0]), np.array([10.0]), 1.0),
+    )
+    rim = min(3.0 / sin(ETA), reach)
+    assert near.depth_m2ps[0] == pytest.approx(0.5 * float(well.rate_per_s[0]) * rim**2, rel=0.15)
+    assert near.depth_m2ps[0] < 0.3 * well.depth_m2ps[0]
