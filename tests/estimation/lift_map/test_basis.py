@@ -268,6 +268,12 @@ def test_a_level_ground_is_a_streamline_all_along_and_a_crest_is_its_first_point
         assert -6.0 - 0.05 * h < hill.x_m[-1] <= -6.0
 
 
+def test_one_point_of_the_ground_says_that_it_is_level() -> None:
+    line = FlowBasis(ground((3.0, 1.5)), BOX).streamline
+    assert line.x_m.size > 10
+    assert line.z_m == pytest.approx(1.5 + 0.02 * BOX.height_m)
+
+
 def test_conditioning_adds_information_and_stays_symmetric() -> None:
     rng = np.random.default_rng(7)
     root, rows = rng.normal(size=(5, 5)), rng.normal(size=(3, 5))
