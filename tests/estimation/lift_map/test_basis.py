@@ -68,7 +68,7 @@ def test_the_ground_is_a_streamline_beforehand() -> None:
 
 def test_an_unknown_ground_is_no_streamline() -> None:
     basis = FlowBasis(NO_GROUND, BOX)
-    assert basis.streamline.x_m.size == 0
+    assert [column.size for column in basis.streamline] == [0, 0, 0, 0]
     prior = basis.prior(-10.0, 8.0, 9.0, True, 0.8)
     _, w = basis.features(-10.0, 0.6)
     assert np.sqrt(w[0] @ prior.covariance @ w[0]) > 2.0
