@@ -25,6 +25,7 @@ from tgl_soar.autopilot import (
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import CUT_NOSE_UP
+from tgl_soar.control.excitation import IDLE, RUNNING
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.pid import PidState
@@ -485,3 +486,92 @@ def test_without_control_an_excitation_rests() -> None:
     assert not output.active
     assert output.excitation.pitch_rad == 0.0
     assert output.excitation.limited_s == 0.0
+
+
+# --- what the parts are asked -------------------------------------------------------------------
+
+
+def asked_of(monkeypatch: pytest.MonkeyPatch, name: str) -> list[tuple[Any, ...]]:
+    """What a part of the tick is given, call by call."""
+    asked: list[tuple[Any, ...]] = []
+    part = getattr(autopilot, name)
+
+    def listens(*given: Any) -> Any:
+        asked.append(given)
+        return part(*given)
+
+    monkeypatch.setattr(autopilot, name, listens)
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("flies", "in_hand", "airborne"),
+    [(True, False, True), (True, True, False), (False, False, False), (False, True, False)],
+)
+def test_the_air_is_read_in_flight_and_in_no_hand(
+    monkeypatch: pytest.MonkeyPatch, flies: bool, in_hand: bool, airborne: bool
+) -> None:
+    flight = soaring().fly(0.2)
+    if not flies:
+        flight.engage = False
+        flight.fly(0.1)
+    asked = asked_of(monkeypatch, "estimate")
+    monkeypatch.setattr(autopilot.way, "is_in_hand", lambda _: in_hand)
+    tick(flight, engage=flies)
+    assert asked[0][3] == airborne
+
+
+@pytest.mark.parametrize(
+    ("after_s", "dt_s"), [(0.005, 0.005), (0.09, 0.09), (0.15, 0.1), (0.0, 0.0), (-0.5, 0.0)]
+)
+def test_a_tick_s_interval_is_since_the_last_and_a_tenth_at_most(
+    monkeypatch: pytest.MonkeyPatch, after_s: float, dt_s: float
+) -> None:
+    flight = soaring().fly(0.2)
+    asked = asked_of(monkeypatch, "estimate")
+    step(LAWS, flight.state, flight.inputs[-1]._replace(time_s=flight.state.time_s + after_s))
+    assert asked[0][5] == pytest.approx(dt_s, abs=1e-9)
+
+
+def test_before_it_flies_the_line_s_conditions_are_those_of_a_line_at_the_aircraft(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At a distance of nothing, at rest, and captured by nobody yet."""
+    flight = Flight(laws_with(CAPTURE_MAX=0.3))
+    asked = asked_of(monkeypatch, "supervise")
+    flight.fly(DT)
+    found = asked[0][2]
+    for bit in (modes.NEAR_LINE, modes.SETTLES, modes.FINITE, modes.SANE, modes.LINE_VALID):
+        assert found & bit
+    assert not found & (modes.ON_LINE | modes.LINE_MOVING)
+
+
+def test_an_engagement_begins_with_the_aircraft_s_own_rates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where it moves as seen from a line through it, whatever place that line has."""
+    flight = Flight(x=0.25, z=1.4)
+    asked = asked_of(monkeypatch, "soaring_reset")
+    flight.fly(DT)
+    vehicle, eta = flight.outputs[-1].vehicle, LAWS.target.eta_rad
+    (_, trim, rate, pitch), h = asked[0], 1e-6
+    moved = (h * vehicle.velocity_x_mps, h * vehicle.climb_mps)
+    assert rate == pytest.approx(e_rho(0.0, 0.0, eta, *moved) / h)
+    assert pitch == vehicle.pitch_rad
+    assert trim == flight.state.memory.pitch_trim.pitch_rad
+
+
+@pytest.mark.parametrize("runs", [False, True])
+def test_an_excitation_is_asked_whether_it_may_run_on(
+    monkeypatch: pytest.MonkeyPatch, runs: bool
+) -> None:
+    flight = soaring().fly(0.2)
+    asked = asked_of(monkeypatch, "excitation_hindrance")
+    steps = asked_of(monkeypatch, "excitation_step")
+    standing = RUNNING if runs else IDLE
+    excitation = flight.state.excitation._replace(standing=standing, begun_s=flight.state.time_s)
+    tick(flight, excitation=excitation)
+    assert asked[0][1] == runs
+    assert steps[0][3] == pytest.approx(DT)
+    tick(flight, engage=False)
+    assert steps[1][3] == 0.0  # at rest no time goes by
