@@ -466,3 +466,17 @@ def test_another_rate_is_another_clock_and_the_same_is_not() -> None:
     assert times.has_restarted()
     assert not times.has_restarted()
     assert isnan(times.clock.offset_s)
+
+
+def test_frames_of_another_clock_are_numbered_by_it_from_the_first() -> None:
+    """Its ticks may be smaller than those of the clock before: they are no older frames."""
+    times, kept = clocked(lockstep=False)
+    assert times.time_of(frame(900_000, 900_000), 20.0) == pytest.approx(20.0)
+    found = [times.time_of(frame(5000 + 50 * i, 5000 + 50 * i), 20.1 + 0.05 * i) for i in range(5)]
+    assert found[:2] == [None, None]
+    assert found[3:] == pytest.approx([20.25, 20.3])
+    assert kept.counters.out_of_order == 0
+    assert times.has_restarted()
+    # And of one clock they stay in order.
+    assert times.time_of(frame(5100, 5100), 20.31) is None
+    assert kept.counters.out_of_order == 1

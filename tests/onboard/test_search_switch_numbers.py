@@ -365,6 +365,36 @@ def test_an_engine_that_fails_or_a_guard_that_is_taken_away_ends_it(bench: Bench
     assert bench.standing == SEARCH_OFF
 
 
+def test_an_engine_that_fails_while_it_is_asked_ends_it(bench: Bench) -> None:
+    bench.searches()
+
+    def dies() -> None:
+        bench.engine.failure = "it has died"
+
+    bench.engine.receive = dies  # type: ignore[method-assign]
+    bench.tick()
+    assert bench.said == [(SEVERITY_ERROR, "search ended: it has died")]
+    assert bench.standing == SEARCH_OFF
+
+
+def test_what_carries_it_is_asked_for_the_sink_of_now_and_for_no_climb(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[float, ...]] = []
+
+    def can_hold(_: Any, used_s: float, climb_mps: float, airspeed_mps: float) -> bool:
+        asked.append((used_s, climb_mps, airspeed_mps))
+        return True
+
+    monkeypatch.setattr(search_switch, "can_hold", can_hold)
+    bench.tick()
+    bench.tick(0.2)
+    for climb_mps in (-0.4, 0.3):
+        bench.tick(0.2, vehicle=IDLE.vehicle._replace(time_s=bench.now_s, climb_mps=climb_mps))
+    assert asked == [(0.0, -0.1, 9.0), (0.0, -0.4, 9.0), (0.0, 0.0, 9.0)]
+    assert bench.engine.sent[-1].carried
+
+
 def test_what_a_search_needs(bench: Bench) -> None:
     assert bench.switch.refusal() == ""
     bench.fence = "open"
