@@ -16,14 +16,9 @@ from cheap_flights import CheapJob, cheap_campaign, cheap_jobs, fly_cheaply
 
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
 from tgl_soar.sim.campaign.flight_list import Campaign
-from tgl_soar.sim.campaign.folder import (
-    JOURNAL,
-    MANIFEST,
-    ROWS,
-    CampaignFolder,
-    read_manifest,
-)
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS, CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.manifest import read_manifest
 from tgl_soar.sim.campaign.run import Progress
 
 COUNT = 60
@@ -53,7 +48,7 @@ def test_what_was_flown_is_kept_and_gone_on_with(tmp_path: Path) -> None:
         assert folder.flown == 20
         folder.fly(LocalProcesses(2))
         assert list(folder) == EXPECTED
-    manifest = read_manifest(tmp_path)
+    manifest = read_manifest(tmp_path / MANIFEST)
     assert manifest is not None
     assert [each["from"] for each in manifest.runs] == [0, 20]
     assert [each["by"] for each in manifest.runs] == ["in line", "2 local processes"]
@@ -135,7 +130,7 @@ def test_flights_of_other_libraries_are_not_mixed_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stopped(tmp_path)
-    monkeypatch.setattr("tgl_soar.sim.campaign.folder.libraries", lambda: {"numba": ""})
+    monkeypatch.setattr("tgl_soar.sim.campaign.manifest.libraries", lambda: {"numba": ""})
     with pytest.raises(JournalError, match="another campaign"):
         CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True)
 

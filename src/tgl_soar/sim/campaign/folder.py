@@ -11,20 +11,25 @@ import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 
-from tgl_soar import __version__
-from tgl_soar.config.parameter_store import write_state
-from tgl_soar.sim.campaign.encoding import digest, result_type
+from tgl_soar.sim.campaign.encoding import result_type
 from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.journal import Journal, JournalError
-from tgl_soar.sim.campaign.provenance import commit, host_metadata, libraries, source_digest
+from tgl_soar.sim.campaign.manifest import (
+    Manifest,
+    key_of,
+    manifest_of,
+    now,
+    read_manifest,
+    run_by,
+    write_manifest,
+)
 from tgl_soar.sim.campaign.rows import available, write_rows
 from tgl_soar.sim.campaign.run import OnProgress, run, silent
 
@@ -36,37 +41,10 @@ Job = TypeVar("Job")
 Flown = TypeVar("Flown")
 
 
-class Manifest(msgspec.Struct, forbid_unknown_fields=True):
-    """Where flights come from."""
-
-    name: str
-    version: str
-    commit: str  # "": no working copy
-    source: str  # digest of the program and of the files that it ships
-    flight: str  # the function that flies one
-    flights: int
-    parameters: dict[str, Any]  # all that the jobs depend on
-    parameters_digest: str
-    seeds: list[int]  # least and greatest; []: jobs have none
-    complete: bool = False
-    runs: list[dict[str, Any]] = []  # one or more: when, by whom, on what computer
-
-
-def read_manifest(folder: Path) -> Manifest | None:
-    """None: there is none.  Errors: `JournalError` for a damaged one."""
-    path = folder / MANIFEST
-    try:
-        return msgspec.json.decode(path.read_bytes(), type=Manifest)
-    except FileNotFoundError:
-        return None
-    except (OSError, msgspec.DecodeError) as error:
-        raise JournalError(f"{path}: no manifest of a campaign: {error}") from None
-
-
 def is_finished(folder: Path) -> bool:
     """Whether a campaign lies there that has nothing left to go on with."""
     try:
-        found = read_manifest(folder)
+        found = read_manifest(folder / MANIFEST)
     except JournalError:
         return False
     return found is not None and found.complete and not (folder / JOURNAL).exists()
@@ -92,7 +70,9 @@ class CampaignFolder(Generic[Job, Flown]):
         """
         self.path = path
         self.campaign = campaign
-        self.manifest = _manifest_of(campaign)
+        self.manifest = manifest_of(
+            campaign.name, campaign.fly, len(campaign.jobs), campaign.parameters, campaign.seeds
+        )
         self._kind = result_type(campaign.fly)
         manifest, journal = self.manifest, path / JOURNAL
         self._lock = _locked(path)
@@ -101,10 +81,7 @@ class CampaignFolder(Generic[Job, Flown]):
                 manifest.runs = self._runs_before(journal)
             else:
                 self._begin(journal, restart=restart, again=again)
-            key = digest(
-                (manifest.source, manifest.flight, manifest.parameters_digest, libraries())
-            )
-            self._journal = Journal(journal, key[:32], len(campaign.jobs), self._kind)
+            self._journal = Journal(journal, key_of(manifest), len(campaign.jobs), self._kind)
         except BaseException:
             os.close(self._lock)
             raise
@@ -146,15 +123,7 @@ class CampaignFolder(Generic[Job, Flown]):
         first_here: bool = False,
     ) -> None:
         """Fly what is missing.  Errors: those of `run`; all that was flown is kept."""
-        before = self._journal.flown
-        self.manifest.runs.append(
-            {
-                "begun": _now(),
-                "by": executor.description,
-                "from": before,
-                **host_metadata(),
-            }
-        )
+        self.manifest.runs.append(run_by(executor.description, self._journal.flown))
         self._write_manifest()
         campaign = self.campaign
         run(
@@ -196,7 +165,7 @@ class CampaignFolder(Generic[Job, Flown]):
     def conclude(self) -> None:
         """All is done: the manifest says so, and where there is a table the journal goes."""
         self.manifest.complete = True
-        self.manifest.runs[-1]["ended"] = _now()
+        self.manifest.runs[-1]["ended"] = now()
         self._write_manifest()
         if (self.path / ROWS).exists():
             (self.path / JOURNAL).unlink()
@@ -205,7 +174,7 @@ class CampaignFolder(Generic[Job, Flown]):
         """Of what is gone on with.  Its journal says what it is of: a manifest that is damaged or
         gone loses no more than who flew it."""
         try:
-            found = read_manifest(self.path)
+            found = read_manifest(self.path / MANIFEST)
         except JournalError:
             if not journal.exists():
                 raise
@@ -219,7 +188,7 @@ class CampaignFolder(Generic[Job, Flown]):
     def _begin(self, journal: Path, *, restart: bool, again: bool) -> None:
         """Delete what may be.  Errors: `JournalError` for what may not."""
         if not restart:
-            manifest = read_manifest(self.path)
+            manifest = read_manifest(self.path / MANIFEST)
             finished = manifest is not None and manifest.complete
             if journal.exists() and not finished:
                 raise JournalError(
@@ -238,7 +207,7 @@ class CampaignFolder(Generic[Job, Flown]):
     def _write_manifest(self) -> None:
         path = self.path / MANIFEST
         try:
-            write_state(path, msgspec.json.format(msgspec.json.encode(self.manifest)), None)
+            write_manifest(path, self.manifest)
         except OSError as error:
             raise JournalError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -258,25 +227,6 @@ def _locked(path: Path) -> int:
     return held
 
 
-def _manifest_of(campaign: Campaign[Any, Any]) -> Manifest:
-    jobs, fly, parameters = campaign.jobs, campaign.fly, dict(campaign.parameters)
-    return Manifest(
-        name=campaign.name,
-        version=__version__,
-        commit=commit(),
-        source=source_digest(),
-        flight=f"{fly.__module__}.{fly.__qualname__}",
-        flights=len(jobs),
-        parameters=parameters,
-        parameters_digest=digest((len(jobs), parameters)),
-        seeds=list(campaign.seeds or ()),
-    )
-
-
 def _stable(manifest: Manifest) -> Manifest:
     """What does not depend on who flew it, nor when."""
     return msgspec.structs.replace(manifest, runs=[], complete=True)
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
