@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from tgl_soar.analysis.tuning import tune as tuning
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.sim.campaign.manifest import key_of, read_manifest
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 FEW = ["tune", "--quick", "--workers", "0"]
@@ -34,7 +35,10 @@ def test_gains_an_airframe_file_and_a_figure(tmp_path: Path) -> None:
     new = load_airframe(airframe)
     assert {n: new.parameters[n] for n in table["parameters"]} == table["parameters"]
     assert figure.exists()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.toml", "p.svg", "t.toml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("a.toml", "p.svg", "t.toml", "t.toml.manifest.json")
+    ]
+    assert f"# tuned, task {table['tuned']['task'][:12]}\n" in airframe.read_text(encoding="utf-8")
     assert re.search(r"^ *accelero", result.output, re.M)  # a narrow table cuts the word
 
 
@@ -61,6 +65,20 @@ def test_progress_is_gone_on_with_unless_it_is_of_another_task(
         again = CliRunner().invoke(app, [*FEW, "--out", str(out)])
     assert again.exit_code == 0, again.output
     assert not progress.exists()
+    manifest = read_manifest(tmp_path / "t.toml.manifest.json")
+    assert manifest is not None
+    assert manifest.complete
+    assert (manifest.name, manifest.seeds, manifest.parameters["floor"]) == ("tune", [1, 1], 0.5)
+    first, second = manifest.runs
+    # Killed where both sets had been sought, a start and a generation each, and judged as they are.
+    assert (first["from"], second["from"]) == (0, 6)
+    assert first["by"] == second["by"] == "in line"
+    assert {"host", "numpy", "numba", "begun", "ended"} <= second.keys()
+    assert "ended" not in first
+    tuned = tomllib.loads(out.read_text(encoding="utf-8"))["tuned"]
+    for name in ("version", "commit", "source"):
+        assert tuned[name] == getattr(manifest, name)
+    assert tuned["task"] == key_of(manifest)
 
 
 def test_gains_for_one_aircraft_keep_no_margin_for_others(tmp_path: Path) -> None:

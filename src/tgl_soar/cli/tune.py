@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from tgl_soar.analysis.tuning.aircraft import Ranges
     from tgl_soar.analysis.tuning.progress_file import ProgressFile
     from tgl_soar.analysis.tuning.tune import Task, Tuned
+
+MANIFEST_SUFFIX: Final = ".manifest.json"  # behind the name of --out
+TASK_DIGITS: Final = 12  # beside a gain in an airframe file: enough to find the task again
 
 
 def tune_command(
@@ -80,7 +83,8 @@ def tune_command(
 ) -> None:
     """Search for gains on the linear model, choose and judge them in flight, and write them.
 
-    If it is killed, it continues when it is run again. Exit code 1: margins below the floor.
+    If it is killed, it continues when the same version is run again. Beside the gains lies a
+    manifest of where they come from. Exit code 1: margins below the floor.
     """
     _check_outputs(airframe, out, airframe_out)
     try:
@@ -91,6 +95,7 @@ def tune_command(
         progress = _progress(task, out, restart=restart)
         tuned = _tuned(task, progress)
         _write(task, tuned, airframe, line or "", out, airframe_out, figure)
+        _write_manifest(task, progress, out)
         progress.delete()
     except (ConfigError, ParameterError, ImportError) as error:
         fail(error)
@@ -196,6 +201,7 @@ def _write(
 ) -> None:
     """Whole files or none.  Errors: OSError, `ConfigError`."""
     from tgl_soar.analysis.tuning.result import airframe_with, as_toml, pareto_figure
+    from tgl_soar.analysis.tuning.tune import digest
 
     if figure is not None:
         try:
@@ -204,7 +210,8 @@ def _write(
             fail(f"no figure: {error}")
         say(f"figure in {figure}")
     if airframe_out is not None:
-        text = airframe_with(airframe.read_text(encoding="utf-8"), tuned.parameters)
+        note = f"tuned, task {digest(task)[:TASK_DIGITS]}"
+        text = airframe_with(airframe.read_text(encoding="utf-8"), tuned.parameters, note)
         with tempfile.TemporaryDirectory() as folder:  # once it is known to be one
             trial = Path(folder) / airframe_out.name
             trial.write_text(text, encoding="utf-8")
@@ -213,6 +220,16 @@ def _write(
         say(f"airframe file in {airframe_out}: compare it with {airframe} before you fly with it")
     write_state(out, as_toml(task, tuned, airframe.name, line).encode(), None)
     say(f"gains in {out}")
+
+
+def _write_manifest(task: Task, progress: ProgressFile, out: Path) -> None:
+    """Errors: OSError."""
+    from tgl_soar.analysis.tuning.tune import concluded
+    from tgl_soar.sim.campaign.manifest import write_manifest
+
+    path = out.with_name(out.name + MANIFEST_SUFFIX)
+    write_manifest(path, concluded(task, progress))
+    say(f"where they come from in {path}")
 
 
 def _print(tuned: Tuned) -> None:

@@ -12,7 +12,7 @@ from tgl_soar.analysis.tuning import flights
 from tgl_soar.analysis.tuning import tune as tuning
 from tgl_soar.analysis.tuning.aircraft import Ranges
 from tgl_soar.analysis.tuning.demands import FOR_JUDGING, INERTIAL, PLAIN, SETS
-from tgl_soar.analysis.tuning.progress_file import ProgressFile
+from tgl_soar.analysis.tuning.progress_file import ProgressError, ProgressFile
 from tgl_soar.analysis.tuning.result import airframe_with, as_toml, pareto_figure
 from tgl_soar.analysis.tuning.search import cost
 from tgl_soar.analysis.tuning.tune import Effort, Task, digest, tune
@@ -152,6 +152,35 @@ def test_another_wind_record_is_another_task(tmp_path: Path) -> None:
     assert digest(TASK._replace(site_path=site)) == before
     record.write_text("time_s,wind_mps,veer_deg\n0,6,0\n")
     assert digest(TASK._replace(site_path=site)) != before
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("sim.campaign.manifest.source_digest", "0123456789abcdef"),
+        ("sim.campaign.manifest.libraries", {"numpy": "0.1"}),
+        ("analysis.tuning.tune.installed_version", "0.1"),  # of cma
+    ],
+)
+def test_what_another_program_has_found_is_another_task(
+    name: str, other: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the same version: a change of a law or of what rounds changes the answers."""
+    path = tmp_path / "progress"
+    ProgressFile(path, digest(TASK)).answer("what", lambda: 1)
+    ProgressFile(path, digest(TASK))
+    monkeypatch.setattr(f"tgl_soar.{name}", lambda *_: other)
+    with pytest.raises(ProgressError, match="or to another version of this program or of its lib"):
+        ProgressFile(path, digest(TASK))
+
+
+def test_another_commit_of_the_same_source_is_the_same_task(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = digest(TASK)
+    monkeypatch.setattr("tgl_soar.sim.campaign.manifest.commit", lambda: "another")
+    assert tuning.manifest(TASK).commit == "another"
+    assert digest(TASK) == before
 
 
 # --- in flight -----------------------------------------------------------------------------------

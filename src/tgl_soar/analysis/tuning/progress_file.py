@@ -3,7 +3,8 @@
 One JSON file, replaced as a whole after each step (a generation, or a few flights): a kill loses
 at most the step that was under way.  The file holds what each step found, and not the searcher's
 memory: a search that asks the same questions in the same order is given the old answers at once,
-and so goes on exactly as if it had never been stopped.
+and so goes on exactly as if it had never been stopped.  Beside the answers stands who has sought
+them, for the manifest of what comes of it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import msgspec
 
 from tgl_soar.config.parameter_store import write_state
+from tgl_soar.sim.campaign.manifest import run_by
 
 
 class ProgressError(ValueError):
@@ -24,6 +26,7 @@ class ProgressError(ValueError):
 class _Content(msgspec.Struct, forbid_unknown_fields=True):
     task: str  # a digest of all that the answers depend on
     answers: dict[str, Any] = {}
+    runs: list[dict[str, Any]] = []  # as a manifest has them
 
 
 class ProgressFile:
@@ -45,10 +48,19 @@ class ProgressFile:
             raise ProgressError(f"{path}: no progress file: {error}; delete it") from None
         if found.task != task:
             raise ProgressError(
-                f"{path}: belongs to other files or options: run with those,"
-                " or with --restart to begin again"
+                f"{path}: belongs to other files or options, or to another version of this program"
+                " or of its libraries: run with those, or with --restart to begin again"
             )
         self._content = found
+
+    @property
+    def runs(self) -> list[dict[str, Any]]:
+        """Those that found what is there, the one under way last."""
+        return self._content.runs
+
+    def begin(self, by: str) -> None:
+        """A run begins; it is kept with the first answer that it finds."""
+        self._content.runs.append(run_by(by, len(self._content.answers)))
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """The answer that is there, or a new one, kept before it is returned.  Errors: OSError."""

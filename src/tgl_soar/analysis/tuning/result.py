@@ -9,11 +9,11 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
-from tgl_soar import __version__
 from tgl_soar.analysis.tuning.demands import SETS, Given
 from tgl_soar.analysis.tuning.search import PRICE_M, RESERVE, front
-from tgl_soar.analysis.tuning.tune import FlownRow, Judged, Task, Tuned, digest
+from tgl_soar.analysis.tuning.tune import FlownRow, Judged, Task, Tuned, manifest
 from tgl_soar.config.parameter_files import shortest
+from tgl_soar.sim.campaign.manifest import key_of
 
 # A number that is not known, or of an unstable loop.
 _NONE: Final = "nan"
@@ -23,6 +23,7 @@ def as_toml(task: Task, tuned: Tuned, airframe_name: str, line: str) -> str:
     """`[parameters]`, and all that they were tuned for."""
     effort = task.effort
     ranges = task.ranges._asdict()
+    found = manifest(task)
     lines = [
         f"# Gains for {task.airframe.airframe.name}, by `tgl-soar tune`.  What flies is in",
         "# [parameters], which belongs into the airframe file; the rest says what they are for.",
@@ -31,11 +32,13 @@ def as_toml(task: Task, tuned: Tuned, airframe_name: str, line: str) -> str:
         *(f"{name} = {shortest(value)}" for name, value in tuned.parameters.items()),
         "",
         "[tuned]",
-        f'version = "{__version__}"',
+        f'version = "{found.version}"',
+        f'commit = "{found.commit}"  # +: with changes; "": no working copy',
+        f'source = "{found.source}"  # digest of the program',
         f"airframe = {_text(airframe_name)}",
         f"site = {_text(task.site_path.name)}",
         f"line = {_text(line)}",
-        f'task = "{digest(task)}"  # of files and options',
+        f'task = "{key_of(found)}"  # digest of source, libraries, files and options',
         f"lean_deg = {task.lean_deg:g}",
         f"latency_ms = {1e3 * task.values['CMD_DELAY']:.4g}",
         f"seed = {task.seed}",
@@ -97,8 +100,11 @@ def _number(value: float) -> str:
     return f"{value:.5f}" if isfinite(value) else _NONE
 
 
-def airframe_with(text: str, parameters: Mapping[str, float]) -> str:
-    """An airframe file's text with these in its [parameters]: in place, or added to the table."""
+def airframe_with(text: str, parameters: Mapping[str, float], note: str = "tuned") -> str:
+    """An airframe file's text with these in its [parameters]: in place, or added to the table.
+
+    note: a comment on each.
+    """
     table = re.search(r"(?m)^[ \t]*\[[ \t]*parameters[ \t]*\].*$", text)
     if table is None:
         head, rest = f"{text.rstrip()}\n\n[parameters]\n", ""
@@ -109,7 +115,7 @@ def airframe_with(text: str, parameters: Mapping[str, float]) -> str:
     body, tail = rest[:end], rest[end:]
     added = []
     for name, value in parameters.items():
-        line = f"{name} = {shortest(value)}  # tuned"
+        line = f"{name} = {shortest(value)}  # {note}"
         body, count = re.subn(rf"(?m)^[ \t]*[\"']?{name}[\"']?[ \t]*=.*$", line, body)
         if count == 0:
             added.append(line + "\n")

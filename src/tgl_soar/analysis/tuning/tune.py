@@ -11,14 +11,10 @@ All that is found is kept on disk as it is found (`progress_file`).
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
-
-from tgl_soar import __version__
 from tgl_soar.analysis.tuning import flights
 from tgl_soar.analysis.tuning.aircraft import Ranges
 from tgl_soar.analysis.tuning.demands import (
@@ -54,8 +50,10 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import air_files
+from tgl_soar.sim.campaign.encoding import digest as digest_of
 from tgl_soar.sim.campaign.executors import Executor, local
-from tgl_soar.sim.campaign.provenance import files_digest
+from tgl_soar.sim.campaign.manifest import Manifest, key_of, manifest_of, now
+from tgl_soar.sim.campaign.provenance import files_digest, installed_version
 from tgl_soar.sim.campaign.run import fly_all
 
 CHUNK = 8  # flights between two savings of progress
@@ -127,18 +125,36 @@ class Tuned(NamedTuple):
 Report = Callable[[str, float], None]  # what is being done, and how much of it, 0 … 1
 
 
+def manifest(task: Task) -> Manifest:
+    """Where a result comes from, as campaigns tell it; before any run.  Errors: `ConfigError`."""
+    site = load_site(task.site_path)
+    air = files_digest(air_files(site.air, task.site_path.parent)) if site.air is not None else ""
+    parameters = {
+        "airframe": digest_of(task.airframe),
+        "site": digest_of(site),
+        "air": air,
+        "autopilot": digest_of(task.values),
+        "lean_deg": task.lean_deg,
+        "seed": task.seed,
+        "floor": task.floor,
+        "effort": task.effort._asdict(),
+        "ranges": task.ranges._asdict(),
+        "cma": installed_version("cma"),  # which asks; the answers have its questions' numbers
+    }
+    return manifest_of("tune", tune, 1, parameters, (task.seed, task.seed))
+
+
 def digest(task: Task) -> str:
-    """Of all that the result depends on."""
-    air = load_site(task.site_path).air
-    parts = [
-        __version__,
-        msgspec.json.encode(task.airframe).decode(),
-        task.site_path.read_text(encoding="utf-8"),
-        files_digest(air_files(air, task.site_path.parent) if air is not None else ()),
-        repr([(p.name, task.values[p.name]) for p in PARAMETERS]),
-        repr((task.lean_deg, task.seed, task.effort, task.floor, task.ranges)),
-    ]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    """Of all that the result depends on, source and libraries among it."""
+    return key_of(manifest(task))
+
+
+def concluded(task: Task, progress: ProgressFile) -> Manifest:
+    """The manifest of a result that is there, with who found it."""
+    found = manifest(task)
+    found.runs, found.complete = progress.runs, True
+    found.runs[-1]["ended"] = now()
+    return found
 
 
 def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
@@ -166,7 +182,9 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
     candidates: dict[str, list[Candidate]] = {}
     after: dict[str, Given] = {}
     values = start
-    pool = _Pool(local(task.workers), demands)
+    executor = local(task.workers)
+    progress.begin(executor.description)
+    pool = _Pool(executor, demands)
     for kind in SETS:
         candidates[kind] = _candidates(task, start, kind, pool, progress, report)
     at_work = _AtWork(task=task, field=field, pool=pool, progress=progress, report=report)

@@ -71,11 +71,12 @@ def host_metadata() -> dict[str, Any]:
 def libraries() -> dict[str, str]:
     """Versions of those whose rounding is in every flight; "": not installed, and then flights
     are plain where they would be compiled."""
-    return {name: _version(name) for name in _CHANGES_FLIGHTS}
+    return {name: installed_version(name) for name in _CHANGES_FLIGHTS}
 
 
 @cache
-def _version(name: str) -> str:
+def installed_version(name: str) -> str:
+    """Of a package; "": not installed."""
     try:
         return version(name)
     except PackageNotFoundError:
