@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -32,13 +32,13 @@ from tgl_soar.cli.flying import (
     Scheduler,
     Workers,
     executor_of,
-    flight_bar,
+    fly_folder,
     page_to_write,
     to_resume,
 )
 from tgl_soar.cli.rare import rare
 from tgl_soar.sim.campaign.cluster import ClusterError
-from tgl_soar.sim.campaign.executors import Executor, WorkerLost
+from tgl_soar.sim.campaign.executors import WorkerLost
 from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.rows import MISSING
@@ -101,12 +101,7 @@ def faults(
         with CampaignFolder(
             out, drawn_faults.campaign_of(jobs), resume=resume, restart=restart
         ) as folder:
-            if folder.damaged:
-                hint(
-                    f"{out / JOURNAL}: {folder.damaged} bytes were damaged; their flights are flown"
-                    " again"
-                )
-            _fly(folder, executor)
+            fly_folder(folder, executor, first_here=True)
             counted = drawn_faults.count(folder)
             tabulated = folder.finish()
     except (JournalError, WorkerLost, ClusterError) as error:
@@ -129,16 +124,6 @@ def faults(
     if counted.troubles:
         first = counted.troubles[0]
         fail(f"{len(counted.troubles)} flights were lost, or had bad commands; first: {first}", 1)
-
-
-def _fly(folder: CampaignFolder[Any, Any], executor: Executor) -> None:
-    """With a bar; ends where it is stopped."""
-    try:
-        with flight_bar(folder.campaign.name) as bar:
-            folder.fly(executor, lambda progress: bar.show(*progress), first_here=True)
-    except KeyboardInterrupt:
-        count = len(folder.campaign.jobs)
-        fail(f"stopped: {folder.flown} of {count} flights are kept; --resume goes on", 130)
 
 
 @campaign_app.command("report")

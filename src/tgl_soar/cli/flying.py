@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn
@@ -21,7 +21,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
-from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, CampaignFolder
 
 LINE_S: Final = 30.0  # between two lines of progress: nobody waits longer without a sign of life
 ALL: Final = os.cpu_count() or 1
@@ -153,6 +153,26 @@ def flight_bar(title: str) -> Iterator[FlightBar | FlightLines]:
         transient=True,
     ) as progress:
         yield FlightBar(progress, progress.add_task(title, total=None, pace=""))
+
+
+def fly_folder(
+    folder: CampaignFolder[Any, Any], executor: Executor, *, first_here: bool = False
+) -> None:
+    """Fly what is missing of a campaign, with a bar; ends where it is stopped.
+
+    Errors: those of `CampaignFolder.fly`.
+    """
+    if folder.damaged:
+        hint(
+            f"{folder.path / JOURNAL}: {folder.damaged} bytes were damaged; their flights are flown"
+            " again"
+        )
+    try:
+        with flight_bar(folder.campaign.name) as bar:
+            folder.fly(executor, lambda progress: bar.show(*progress), first_here=first_here)
+    except KeyboardInterrupt:
+        count = len(folder.campaign.jobs)
+        fail(f"stopped: {folder.flown} of {count} flights are kept; --resume goes on", 130)
 
 
 def duration(seconds: float) -> str:

@@ -12,15 +12,28 @@ from rich.table import Table
 from tgl_soar.analysis.logs.reader import LogError
 from tgl_soar.analysis.replay.logged import SHOWN, Replay, ReplayError
 from tgl_soar.analysis.replay.logged import replay as replay_log
-from tgl_soar.analysis.replay.many import ReplayJob, replay_many
+from tgl_soar.analysis.replay.many import ReplayedLog, ReplayJob, replay_campaign, replay_many
 from tgl_soar.analysis.replay.wire import WireReplay, replay_wire, rms
-from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, console, errors, fail
-from tgl_soar.cli.flying import ALL, flight_bar
+from tgl_soar.cli.console import (
+    AIRFRAME,
+    AIRFRAME_FILE,
+    SITE,
+    SITE_FILE,
+    console,
+    errors,
+    fail,
+    say,
+)
+from tgl_soar.cli.flying import ALL, Restart, Resume, flight_bar, fly_folder, to_resume
 from tgl_soar.cli.log import read
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.onboard.flightlog.declaration import TOPICS, unit_of
-from tgl_soar.sim.campaign.executors import local
+from tgl_soar.sim.campaign.executors import Executor, WorkerLost, local
+from tgl_soar.sim.campaign.flight_list import Campaign
+from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
+from tgl_soar.sim.campaign.journal import JournalError
+from tgl_soar.sim.campaign.rows import MISSING
 
 _MOST = 12  # fields in a table of differences
 _REPORTED_IN = {  # units of what telemetry tells
@@ -60,32 +73,60 @@ def replay(
             " on long logs are flown with them by themselves.",
         ),
     ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for a table with a row for each log, and a manifest with their digests."
+        ),
+    ] = None,
+    resume: Resume = False,
+    restart: Restart = False,
 ) -> None:
     """Run a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
 
     A .ulg is compared bit for bit. With --param or --airframe it shows what would have been
     commanded: the aircraft does not answer to it. A .tlog, of this module or of a ground station,
     goes through the whole module, as far as its frames suffice. Of several .ulg each is a line of a
-    table.
+    table, which --out keeps, with the logs' digests.
     """
     changes = _changes(param or [])
-    if len(paths) > 1:
-        for option, given in (("--site", site), ("--figure", figure), ("--compile", compile)):
-            if given:
-                fail(f"{option} goes with one log")
-        _replay_all(paths, changes, airframe, workers or ALL)
+    for option, kept in (("--resume", resume), ("--restart", restart)):
+        if kept and out is None:
+            fail(f"{option} goes with --out")
+    if len(paths) == 1 and out is None:
+        _replay_one(paths[0], changes, airframe, site, figure, workers, compile)
         return
-    (path,) = paths
+    for option, given in (("--site", site), ("--figure", figure), ("--compile", compile)):
+        if given:
+            fail(f"{option} goes with one log, and without --out")
+    executor = local(workers or ALL)
+    if out is None:
+        found = _replayed([ReplayJob(path, changes, airframe) for path in paths], executor)
+    else:
+        campaign = replay_campaign(paths, changes, airframe)
+        found = _kept(campaign, executor, to_resume(out, resume), resume, restart)
+    _show_all(found, bool(changes) or airframe is not None)
+
+
+def _replay_one(
+    path: Path,
+    changes: tuple[tuple[str, float], ...],
+    airframe: Path | None,
+    site: Path | None,
+    figure: Path | None,
+    workers: int,
+    compile: bool,
+) -> None:
     try:
         if path.suffix == ".tlog":
-            _from_wire(path, airframe or AIRFRAME, site or SITE, changes)
+            _from_wire(path, airframe or AIRFRAME, site or SITE, dict(changes))
             return
         if site is not None:
             fail("--site is for a .tlog: a .ulg holds its own site file")
         log = read(path)
         result = replay_log(
             log,
-            changes=changes,
+            changes=dict(changes),
             airframe=airframe,
             workers=workers or None,
             compile=compile or None,
@@ -106,32 +147,49 @@ def replay(
     else:
         console.print("every command is the same, bit for bit", style="green")
     if figure is not None:
-        _draw(figure, result, path, changes, airframe)
+        _draw(figure, result, path, dict(changes), airframe)
     if log.losses or (result.differences and not result.changed):
         raise typer.Exit(1)
 
 
-def _replay_all(
-    paths: list[Path], changes: dict[str, float], airframe: Path | None, workers: int
-) -> None:
-    """A line for each; exit code 1 as for one."""
-    given = tuple(changes.items())
-    jobs = [ReplayJob(path, given, airframe) for path in paths]
+def _replayed(jobs: list[ReplayJob], executor: Executor) -> list[ReplayedLog]:
     with flight_bar("logs") as bar:
-        found = replay_many(jobs, local(workers), lambda progress: bar.show(*progress))
+        return replay_many(jobs, executor, lambda progress: bar.show(*progress))
+
+
+def _kept(
+    campaign: Campaign[ReplayJob, ReplayedLog],
+    executor: Executor,
+    out: Path,
+    resume: bool,
+    restart: bool,
+) -> list[ReplayedLog]:
+    """The same, with their table and manifest in a folder."""
+    try:
+        with CampaignFolder(out, campaign, resume=resume, restart=restart) as folder:
+            fly_folder(folder, executor)
+            found = list(folder)
+            tabulated = folder.finish()
+    except (JournalError, WorkerLost) as error:
+        fail(error)
+    say(f"logs in {out / ROWS if tabulated else f'{out / JOURNAL}, no table: {MISSING}'}")
+    return found
+
+
+def _show_all(found: list[ReplayedLog], changed: bool) -> None:
+    """A line for each; exit code 1 as for one."""
     table = Table("log", "ticks", "left out", "lost", "differs")
     for log in found:
         differs = ", ".join(log.differing[:3]) + (" …" if len(log.differing) > 3 else "")
         counts = (str(log.ticks), str(log.left_out), str(log.losses))
-        table.add_row(str(log.path), *counts, log.error or differs or "nothing")
+        table.add_row(log.log, *counts, log.error or differs or "nothing")
     console.print(table)
     console.print(f"{len(found)} logs, {sum(log.duration_s for log in found):.0f} s of flight")
-    changed = bool(given) or airframe is not None
     if any(log.error or log.losses or (log.differing and not changed) for log in found):
         raise typer.Exit(1)
 
 
-def _changes(given: list[str]) -> dict[str, float]:
+def _changes(given: list[str]) -> tuple[tuple[str, float], ...]:
     changes = {}
     for text in given:
         name, _, value = text.partition("=")
@@ -139,7 +197,7 @@ def _changes(given: list[str]) -> dict[str, float]:
             changes[name.strip().upper()] = float(value)
         except ValueError:
             fail(f"--param {text}: must be NAME=VALUE, as RHO_P=0.8")
-    return changes
+    return tuple(changes.items())
 
 
 def _say(notes: list[str]) -> None:

@@ -6,6 +6,7 @@ import random
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from math import inf, nextafter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +23,7 @@ from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
 from tgl_soar.analysis.replay import compiled_ticks as compiled_ticks_module
 from tgl_soar.analysis.replay.compiled_ticks import plain_ticks
 from tgl_soar.analysis.replay.logged import Replay, ReplayError, read_by_laws, replay
-from tgl_soar.analysis.replay.many import ReplayJob, replay_many
+from tgl_soar.analysis.replay.many import ReplayJob, replay_campaign, replay_many
 from tgl_soar.analysis.replay.wire import read_wire, replay_wire, rms
 from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.cli.app import app
@@ -39,6 +40,10 @@ from tgl_soar.onboard.flightlog.declaration import (
 )
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS
+from tgl_soar.sim.campaign.manifest import read_manifest
+from tgl_soar.sim.campaign.provenance import source_digest
+from tgl_soar.sim.campaign.rows import read_rows
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.sitl import fly
 from tgl_soar.sim.sitl_options import SitlOptions
@@ -530,8 +535,9 @@ def test_several_logs_are_a_line_each(path: Path, tmp_path: Path) -> None:
         ReplayJob(damaged),
         ReplayJob(path, (("RHO_P", 0.9), ("RHO_SPEED", 0.0))),
     ]
-    for executor in (InLine(), LocalProcesses(2)):
-        same, unread, changed = replay_many(jobs, executor)
+    results = [replay_many(jobs, executor) for executor in (InLine(), LocalProcesses(2))]
+    assert results[0] == results[1]  # in every bit, however long it took
+    for same, unread, changed in results:
         assert (same.ticks, same.differing, same.error) == (TICKS, (), "")
         assert str(damaged) in unread.error
         assert changed.differing
@@ -541,3 +547,83 @@ def test_several_logs_are_a_line_each(path: Path, tmp_path: Path) -> None:
     assert run.invoke(app, ["replay", str(path), str(damaged)]).exit_code == 1
     refused = run.invoke(app, ["replay", str(path), str(path), "--compile"])
     assert "--compile goes with one log" in refused.stderr
+
+
+def test_a_table_of_logs_says_where_it_comes_from(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped, gone on with, refused where a log is no longer what it was."""
+    pytest.importorskip("pyarrow")
+    (again := tmp_path / "again.ulg").write_bytes(path.read_bytes())
+    (damaged := tmp_path / "damaged.ulg").write_bytes(b"no log")
+    logs, out, run = (path, again, damaged), tmp_path / "out", CliRunner()
+    words = ["replay", *map(str, logs), "--param", "RHO_P=0.9", "--out", str(out)]
+
+    def stopped_at_the_second(log: Path) -> FlightLog:
+        if log == again:
+            raise KeyboardInterrupt
+        return read_log(log)
+
+    monkeypatch.setattr("tgl_soar.cli.replay.local", lambda _: InLine())
+    with monkeypatch.context() as context:
+        context.setattr("tgl_soar.analysis.replay.many.read_log", stopped_at_the_second)
+        stopped = run.invoke(app, words)
+    assert stopped.exit_code == 130
+    assert "1 of 3 flights are kept; --resume goes on" in stopped.stderr
+    damaged.write_bytes(b"not the same")
+    refused = run.invoke(app, [*words, "--resume"])
+    assert refused.exit_code == 2
+    assert "of another campaign" in refused.stderr
+    damaged.write_bytes(b"no log")
+    done = run.invoke(app, [*words, "--resume"], env={"COLUMNS": "300"})
+    assert done.exit_code == 1  # one cannot be read
+    assert f"logs in {out / ROWS}" in done.stdout
+    assert not (out / JOURNAL).exists()
+
+    digests = [sha256(log.read_bytes()).hexdigest() for log in logs]
+    rows = list(read_rows(out / ROWS))
+    assert [row["log"] for row in rows] == [str(log) for log in logs]
+    assert [row["sha256"] for row in rows] == digests
+    assert [row["ticks"] for row in rows] == [TICKS, TICKS, 0]
+    assert [row["duration_s"] for row in rows] == pytest.approx([(TICKS - 1) / 200.0] * 2 + [0.0])
+    assert "setpoints_pitch_rad" in rows[0]["differing"]
+    assert "not a ULog" in rows[2]["error"]
+    manifest = read_manifest(out / MANIFEST)
+    assert manifest is not None
+    assert manifest.complete
+    assert [entry["log"] for entry in manifest.parameters["logs"]] == [str(log) for log in logs]
+    assert [entry["sha256"] for entry in manifest.parameters["logs"]] == digests
+    assert manifest.parameters["changes"] == {"RHO_P": 0.9}
+    assert [each["from"] for each in manifest.runs] == [0, 1]
+    assert manifest.source == source_digest()
+
+
+def test_a_table_is_of_the_airframe_that_it_was_replayed_with(path: Path, tmp_path: Path) -> None:
+    """The file's text, not its name alone; of a log that is not there nothing is known."""
+    airframe, gone = tmp_path / "a.toml", tmp_path / "gone.ulg"
+    found = []
+    for text in ("one", "another"):
+        airframe.write_text(text)
+        found.append(replay_campaign([path, gone], (), airframe).parameters)
+    assert found[0]["airframe"] == found[1]["airframe"] == str(airframe)
+    assert found[0] != found[1]
+    assert found[0]["logs"][1] == {"log": str(gone), "sha256": ""}
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--resume",), "--resume goes with --out"),
+        (("--restart",), "--restart goes with --out"),
+        (("--out", "out", "--figure", "f.png"), "--figure goes with one log, and without --out"),
+        (("--out", "out", "--resume"), "no flights of an earlier run are in out"),
+    ],
+)
+def test_what_a_table_goes_without_is_said(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused = CliRunner().invoke(app, ["replay", str(path), *options])
+    assert refused.exit_code == 2
+    assert says in refused.stderr
+    assert not list(tmp_path.iterdir())

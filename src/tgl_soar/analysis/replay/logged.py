@@ -107,9 +107,14 @@ class Replay:
     notes: list[str] = field(default_factory=list)
 
     @property
+    def duration_s(self) -> float:
+        """Of the ticks."""
+        return float(np.abs(np.diff(self.time_s)).sum())
+
+    @property
     def speed(self) -> float:
         """Times real time."""
-        return float(np.abs(np.diff(self.time_s)).sum()) / max(self.took_s, 1e-9)
+        return self.duration_s / max(self.took_s, 1e-9)
 
 
 class _Cut(NamedTuple):

@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache
-from hashlib import sha256
+from hashlib import file_digest, sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -43,6 +43,15 @@ def files_digest(paths: Iterable[Path]) -> str:
         with suppress(OSError):
             found.update(sha256(path.read_bytes()).digest())
     return found.hexdigest()[:16]
+
+
+def sha256_of(path: Path) -> str:
+    """Of one file, as `sha256sum` prints it; "": it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file_digest(file, sha256).hexdigest()
+    except OSError:
+        return ""
 
 
 @cache
