@@ -22,6 +22,7 @@ from tgl_soar.analysis.rare.splitting import Passage
 from tgl_soar.cli import rare
 from tgl_soar.cli.app import app
 from tgl_soar.cli.console import AIRFRAME
+from tgl_soar.sim.campaign.manifest import read_manifest
 
 
 class Fallen(NamedTuple):
@@ -96,6 +97,22 @@ def test_the_ladder_is_printed_and_written(tmp_path: Path, monkeypatch: pytest.M
     assert first < second  # ranked
     assert "Kramers, below: 6e-05 a minute (-0.50 m along the line, cut off" in done.stdout
     assert "Kramers, above: 0.00012 a minute" in done.stdout
+
+
+@pytest.mark.usefixtures("halving")
+def test_the_result_says_where_it_comes_from(tmp_path: Path) -> None:
+    words = [*WORDS, "--effort", "60", "--ladders", "2", "--plain", "10", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    content = json.loads((tmp_path / "rare.json").read_text())
+    assert {"numpy", "numba", "llvmlite"} <= content["provenance"]["libraries"].keys()
+    manifests = [read_manifest(tmp_path / name) for name in content["manifests"]]
+    assert len(manifests) == 3
+    for manifest in manifests:
+        assert manifest is not None
+        for name in ("version", "commit", "source"):
+            assert content["provenance"][name] == getattr(manifest, name)
+        for name, version in content["provenance"]["libraries"].items():
+            assert manifest.runs[0][name] == version
 
 
 @pytest.mark.usefixtures("halving")

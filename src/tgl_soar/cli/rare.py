@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, wilson
-from tgl_soar.analysis.rare.kept import RareRequest, fly_kept
+from tgl_soar.analysis.rare.kept import PARTS, RareRequest, fly_kept
 from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import (
     Ladder,
@@ -49,8 +49,9 @@ from tgl_soar.config.site import air_files
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.executors import WorkerLost
+from tgl_soar.sim.campaign.folder import MANIFEST
 from tgl_soar.sim.campaign.journal import JournalError
-from tgl_soar.sim.campaign.provenance import files_digest
+from tgl_soar.sim.campaign.provenance import files_digest, provenance
 from tgl_soar.sim.campaign.run import Progress
 from tgl_soar.sim.compiled import available
 
@@ -198,6 +199,8 @@ def _write(
         "turbulence": process.case.turbulence,
         "seconds": process.case.duration_s,
         "dispersed": process.case.dispersed,
+        "provenance": provenance(),
+        "manifests": [str(Path(KEPT) / part / MANIFEST) for part in PARTS],  # seeds, runs
         "estimate": found._asdict(),
         "plain": {"flights": plain[0], "lost": plain[1]},
         "kramers": [end._asdict() for end in process.exits],

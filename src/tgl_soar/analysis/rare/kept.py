@@ -23,6 +23,7 @@ from tgl_soar.sim.campaign.run import Progress, fly_all
 # So many are flown again at most where a run is stopped: minutes; and to begin a batch takes less
 # than a second.
 BATCH: Final = 5000
+PILOT, LADDERS, PLAIN = PARTS = ("pilot", "ladders", "plain")  # folders, each with a manifest
 
 
 class RareRequest(NamedTuple):
@@ -91,9 +92,9 @@ def fly_kept(
 
         batches = [seeds[n : n + BATCH] for n in range(0, len(seeds), BATCH)]
         # All are opened before any is flown: what may not be gone on with is refused at once.
-        to_pilot = part("pilot", pilot, [0])
-        to_climb = part("ladders", ladder, range(request.ladders))
-        to_fly = part("plain", batch, batches)
+        to_pilot = part(PILOT, pilot, [0])
+        to_climb = part(LADDERS, ladder, range(request.ladders))
+        to_fly = part(PLAIN, batch, batches)
         (levels,) = flown("pilot", to_pilot)
         ladders = flown("ladders", to_climb)
         lost = sum(each.lost for each in flown("plain flights", to_fly))

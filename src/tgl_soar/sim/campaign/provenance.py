@@ -65,6 +65,17 @@ def commit() -> str:
     return found.stdout.strip()
 
 
+def provenance() -> dict[str, Any]:
+    """Of a result that is computed from flights: by what, and not when or where, so that it is the
+    same whether they were stopped in between or not."""
+    return {
+        "version": tgl_soar.__version__,
+        "commit": commit(),
+        "source": source_digest(),
+        "libraries": libraries(),
+    }
+
+
 def host_metadata() -> dict[str, Any]:
     """The computer, and what rounds there."""
     return {
