@@ -147,6 +147,22 @@ def test_a_difference_is_told_apart_by_both_intervals(
     assert forth.is_apart is back.is_apart is (low > 0.0)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_a_campaign_of_no_flights_is_named(folder: Path, tmp_path: Path, first: bool) -> None:
+    """Beside another one, too: it has no classes, and is not one of numbers for that."""
+    empty = tmp_path / "none"
+    empty.mkdir()
+    write_rows(empty / ROWS, Seeded, Came, [], {})
+    says = f"{empty}: a campaign of no flights"
+    with pytest.raises(ReportError, match=says):
+        report(empty)
+    one, other = (empty, folder) if first else (folder, empty)
+    words = ["campaign", "report", str(one), "--beside", str(other)]
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code == 2
+    assert says in refused.stderr
+
+
 def test_any_class_may_be_asked_for(folder: Path, another: Path) -> None:
     two = beside(report(folder), report(another), "lost")
     assert [(row.name, *row.fractions) for row in two.rows] == [

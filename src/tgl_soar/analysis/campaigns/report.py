@@ -149,7 +149,7 @@ def rows_file(path: Path) -> Path:
 def report(path: Path, by: str | None = None, of: str | None = None) -> Report:
     """Flights by one column ("": all together), counted or averaged by another; None: usual ones.
 
-    Errors: `ReportError`; ImportError without pyarrow.
+    Errors: `ReportError`, for a table without a flight too; ImportError without pyarrow.
     """
     file = rows_file(path)
     try:
@@ -171,6 +171,8 @@ def report(path: Path, by: str | None = None, of: str | None = None) -> Report:
             groups[name].numbers.append(np.nan if value is None else float(value))
         else:
             groups[name].classes[_text(value)] += 1
+    if not groups:
+        raise ReportError(f"{path}: a campaign of no flights: name one in which some were flown")
     return Report(by, of, list(groups.values()))
 
 
