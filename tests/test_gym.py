@@ -124,6 +124,30 @@ def test_an_episode_is_its_seed() -> None:
     assert episode(3) != episode(4)
 
 
+@pytest.mark.parametrize("action", gym.KINDS)
+def test_the_shortest_episode_has_one_tick_under_an_action(action: str) -> None:
+    env = plain(action, seconds=gym.SECONDS_MIN)
+    _, info = env.reset(seed=1)
+    env.reset(seed=1, options={"goal": (info["x_m"], info["z_m"])})
+    _, reward, ended, over, info = env.step(np.zeros(env.action_space.shape))
+    assert (ended, over) == (False, True)
+    assert info["time_s"] == pytest.approx(0.21)
+    assert reward == pytest.approx(DT_S, rel=0.05)  # within centimetres of the goal
+
+
+def test_where_no_line_meets_the_contour_a_place_must_be_given() -> None:
+    """The site to search in has its start as its only line, with no place to settle."""
+    env = plain("line", site="tunnel_search")
+    with pytest.raises(
+        ValueError, match=r"site 'tunnel_search': no place .* x -0\.35, z 1\.7 m .*'goal'"
+    ):
+        env.reset(seed=1)
+    _, info = env.reset(seed=1, options={"goal": (0.4, 1.6)})
+    assert (info["goal_x_m"], info["goal_z_m"]) == (0.4, 1.6)
+    *_, ended, _, info = env.step(np.zeros(2))
+    assert not ended
+
+
 def test_the_reward_is_time_at_the_place() -> None:
     env = plain("pitch")
     _, info = env.reset(seed=1)
@@ -240,9 +264,11 @@ def test_dispersion_flies_another_aircraft_in_each_episode() -> None:
     [
         ({"action": "throttle"}, "action 'throttle': one of line, pitch, surfaces"),
         ({"turbulence": -0.1}, "turbulence -0.1: 0 to 0.5"),
-        ({"seconds": 0.0}, "seconds 0.0: more than 0, to 3600"),
-        ({"seconds": np.inf}, "seconds inf: more than 0, to 3600"),
-        ({"seconds": 1e7}, "seconds 10000000.0: more than 0, to 3600"),
+        ({"seconds": 0.0}, "seconds 0.0: from 0.21 to 3600; for the first 0.2 the aircraft is"),
+        ({"seconds": 0.205}, "seconds 0.205: from 0.21 to 3600"),
+        ({"seconds": np.inf}, "seconds inf: from 0.21 to 3600"),
+        ({"seconds": np.nan}, "seconds nan: from 0.21 to 3600"),
+        ({"seconds": 1e7}, "seconds 10000000.0: from 0.21 to 3600"),
         ({"period_s": 0.001}, "period_s 0.001: a whole multiple of 0.005"),
         ({"period_s": 0.007}, "period_s 0.007: a whole multiple of 0.005"),
         ({"period_s": np.inf}, "period_s inf: .* from 0.005 to 3600"),

@@ -61,7 +61,7 @@ from tgl_soar.sim.commanded_flight import (
 )
 from tgl_soar.sim.compiled import cell, compiled
 from tgl_soar.sim.fast_flight import Prepared, begun, prepare, why_it_stands_so
-from tgl_soar.sim.flight import FLIES, Row
+from tgl_soar.sim.flight import FLIES, HELD_S, Row
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -74,6 +74,9 @@ PERIODS_S: Final = {"line": 1.0, "pitch": 0.05, "surfaces": 0.02}
 SHIFT_M: Final = 0.5  # of the line, at most: most of the way between the tunnel's lines
 LEAN_RAD: Final = radians(8.0)  # of the line, likewise: the tunnel's 15 degrees stay above 5
 REACH_M: Final = 1.0  # from the place: further away there is no reward
+STEP_HZ: Final = 200
+# Held, then the module's tick in which it engages, then one under an action.
+SECONDS_MIN: Final = HELD_S + 2.0 / STEP_HZ
 SECONDS_MAX: Final = 3600.0  # noise and rows of a whole flight are held in memory
 WHOLE: Final = 1e-6  # of a tick: what a decimal number of seconds may be off by in binary
 OPTIONS: Final = ("goal", "flight")
@@ -221,17 +224,21 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
             raise ValueError(f"action {action!r}: one of {', '.join(KINDS)}")
         if not 0.0 <= turbulence <= 0.5:
             raise ValueError(f"turbulence {turbulence}: 0 to 0.5")
-        if not 0.0 < seconds <= SECONDS_MAX:
-            raise ValueError(f"seconds {seconds}: more than 0, to {SECONDS_MAX:g}")
+        if not SECONDS_MIN - WHOLE <= seconds <= SECONDS_MAX:
+            raise ValueError(
+                f"seconds {seconds}: from {SECONDS_MIN:g} to {SECONDS_MAX:g}; for the first"
+                f" {HELD_S:g} the aircraft is held"
+            )
         if render_mode is not None:
             raise ValueError(f"render_mode {render_mode!r}: there is none")
         self.action, self.render_mode = action, render_mode
+        self._named = str(site)  # for a message
         self.seconds, self._dispersed = seconds, dispersion
         # One kind of air for all, so that it is compiled once.
         self._turbulence = max(turbulence, 1e-6)
         self._place = _place(_found(airframe, "airframes"), _found(site, "sites"))
         self._prepared = self._world(None)
-        self._hz = self._prepared.world.step_hz
+        self._hz = STEP_HZ
         period = PERIODS_S[action] if period_s is None else period_s
         self._period = _whole_ticks(period, self._hz)
         values = self._place.values
@@ -309,7 +316,12 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         if flight is not None:
             airframe, site, field, sensors = mismatched(airframe, site, field, sensors, flight)
         world = make_world(
-            airframe, site, turbulence=self._turbulence, field=field, sensors=sensors
+            airframe,
+            site,
+            step_hz=STEP_HZ,
+            turbulence=self._turbulence,
+            field=field,
+            sensors=sensors,
         )
         return prepare(world, self.seconds)
 
@@ -326,7 +338,11 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         polar = self._place.airframe.polar.as_polar()
         place = stable_crossing(self._place.field, polar, (x_m, z_m, eta_from_lean(self._lean_rad)))
         if place is None:
-            raise ValueError(f"a line through x {x_m:g}, z {z_m:g} m meets no contour")
+            raise ValueError(
+                f"site {self._named!r}: no place can be drawn: its line through x {x_m:g},"
+                f" z {z_m:g} m meets no contour of zero excess updraft; give one,"
+                " reset(options={'goal': (x, z)}), or name another site"
+            )
         return place.x_m, place.z_m
 
     def _given(self, action: np.ndarray[Any, Any]) -> OutsideCommand:
