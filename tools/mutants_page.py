@@ -23,11 +23,11 @@ Tests that need real time or compile kernels are left out; the others have {budg
 processor time for each change. The reasons in the last table are written by hand, and a new run
 keeps them.
 
-Some tests keep what short flights, their messages, experiments' plans, figures and claims (of flown
-and of made-up flights), what commands print and defaults were the last time
-([CONTRIBUTING.md](../CONTRIBUTING.md)): they notice that something has changed, not that it is
-wrong. Mutants that people made, of what matters most, are tried by
-`python tools/mutate.py --named`.
+Some tests compare with reference results
+([CONTRIBUTING.md](../CONTRIBUTING.md#tests-by-layer)): short flights and their messages, the
+experiments' plans, figures and claims (of flown and of made-up flights), what commands print, and
+defaults. They notice that something has changed, not that it is wrong. Mutants that people wrote,
+of what matters most, are tried by `python tools/mutate.py --named`.
 
 Some kinds of change are not tried, as nobody who uses the program could tell:
 

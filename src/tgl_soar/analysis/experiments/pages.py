@@ -102,11 +102,12 @@ def aims_page(results: Sequence[Result], ends: Ends) -> str:
     head = [
         "# Aims of our own, flown in simulation",
         "",
-        "This page is written by `tgl-soar experiment all --docs docs` from what it measured;"
-        " do not edit it by hand. None of it is in the paper: these are aims that this project"
-        " set itself for estimate, control and robustness, and whether they are met. What the"
+        "This page is for everybody who wants to know how good estimate, control and robustness"
+        " are, by which measure, and where they fall short. It holds the aims that this project"
+        " set itself, and says of each whether it is met. None of it is in the paper: what the"
         " paper reports or explains stands in [experiments.md](experiments.md), flown by the"
-        " same command with the same aircraft, sensors and air.",
+        " same command with the same aircraft, sensors and air. `tgl-soar experiment all --docs"
+        " docs` writes the page from what it measured; do not edit it by hand.",
     ]
     return _whole(head, results, ends)
 
@@ -116,11 +117,13 @@ def page(results: Sequence[Result], ends: Ends) -> str:
     head = [
         "# The paper's experiments, flown in simulation",
         "",
-        "This page is written by `tgl-soar experiment all --docs docs` from what it measured;"
-        " do not edit it by hand. Each experiment flies a scenario of `config/scenarios/` with the"
-        " very tick that flies the aircraft (`autopilot.step`), through simulated sensors, servos"
-        " and air, and holds what comes out against what Suys, Hwang, de Croon and Remes (ICRA"
-        " 2023) report or explain. Where the two part, the section says so and why.",
+        "This page is for readers of the paper (Suys, Hwang, de Croon and Remes, ICRA 2023) who"
+        " want to know which of its results come out here too, and which do not. Each experiment"
+        " flies a scenario of `config/scenarios/` with the very tick that flies the aircraft"
+        " (`autopilot.step`), through simulated sensors, servos and air, and compares what comes"
+        " out with what the paper reports or explains. Where the two differ, the section says so"
+        " and why. `tgl-soar experiment all --docs docs` writes the page from what it measured; do"
+        " not edit it by hand.",
         "",
         "Read the numbers as the simulation's: the aircraft is a model of its class, its gains are"
         " ours, the air is computed, and turbulence is Dryden's with a length of 1.5 m. Places are"
