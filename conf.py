@@ -19,8 +19,8 @@ CHAPTERS = {
     ),
     "Look up": ("parameters", "logs"),
     "Understand": (
-        "theory", "margins", "experiments", "aims", "campaigns", "gym", "search", "model",
-        "performance",
+        "theory", "margins", "experiments", "aims", "campaigns", "gym", "search",
+        "identification", "performance",
     ),
     "Change": ("architecture", "decisions/index", "mutants"),
 }  # fmt: skip

@@ -28,7 +28,7 @@ from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
 from tgl_soar.sim.campaign.run import fly_all
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
-from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
+from tgl_soar.sim.compiled_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.world import World, make_world

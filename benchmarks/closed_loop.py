@@ -22,7 +22,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.sim.aircraft import aircraft_model, step
 from tgl_soar.sim.closed_loop import fly
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
+from tgl_soar.sim.compiled_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.sensors import USUAL_SENSORS
 from tgl_soar.sim.world import build_field
 from tgl_soar.types import SurfaceCommand

@@ -18,7 +18,7 @@ from time import thread_time
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.analysis.logs.reader import read_log
+from tgl_soar.analysis.logs.ulog_reader import read_log
 from tgl_soar.analysis.replay.logged import replay
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder

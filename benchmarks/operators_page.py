@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tgl_soar.analysis.logs.reader import read_log
+from tgl_soar.analysis.logs.ulog_reader import read_log
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.sitl_options import SitlOptions

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
 
-from tgl_soar.analysis.logs.reader import read_log
+from tgl_soar.analysis.logs.ulog_reader import read_log
 from tgl_soar.autopilot import initial_state, step
 from tgl_soar.cli.report import Named, write
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from drawn_again import shows_what_it_showed  # noqa: F401 - a fixture
 from hypothesis import settings
-from later import PARTS, chosen, part_of
+from slow_tests import PARTS, chosen, part_of
 from wheel import Installed, install
 
 from tgl_soar.onboard import native
@@ -48,7 +48,7 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     # They compile the same kernels, which takes minutes: once is enough.  What one worker has
     # compiled of one kernel serves the next; another worker would begin at the beginning.
     "kernels": (
-        "analysis/experiments/lift/test_powered_search.py",
+        "analysis/experiments/lift/test_throttle_experiment.py",
         "analysis/search/test_compiled_search.py", "analysis/search/test_searchers.py",
         "benchmarks/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py",
     ),
@@ -56,7 +56,7 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     "the walk": ("control/test_reported_faults.py", "control/test_supervisor.py"),
     # They read the logs of one flight, which is flown and written once.
     "one flight": (
-        "analysis/logs/test_bad_logs.py", "analysis/logs/test_reading.py",
+        "analysis/logs/test_bad_logs.py", "analysis/logs/test_open_log.py",
         "analysis/report/test_flight_report.py", "cli/test_bad_logs_commands.py",
         "cli/test_report_command.py",
     ),
@@ -65,7 +65,7 @@ TESTS = Path(__file__).parent
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Which tests that are not quick are run: see tests/later.py."""
+    """Which tests that are not quick are run: see tests/slow_tests.py."""
     words = "tests that are not quick: all, none, some of " + ", ".join(PARTS) + ", or turn:HASH"
     parser.addoption("--later", default="all", metavar="PARTS", help=words)
 
@@ -75,7 +75,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     words = terminalreporter.config.getoption("later")
     if words != "all":
         parts = ", ".join(chosen(words)) or "none of the others"
-        terminalreporter.write_line(f"the quick tests, and {parts} (tests/later.py)")
+        terminalreporter.write_line(f"the quick tests, and {parts} (tests/slow_tests.py)")
 
 
 @pytest.hookimpl(tryfirst=True)

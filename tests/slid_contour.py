@@ -7,7 +7,7 @@ from math import cos, exp, radians, sin, sqrt
 import numpy as np
 
 from tgl_soar.analysis.logs.flight_data import Event, FlightData, Floats, series
-from tgl_soar.analysis.survey.drawn import SurveyPath
+from tgl_soar.analysis.survey.contour_fit import SurveyPath
 from tgl_soar.control.survey import DOWNSTREAM, HOMEWARD, UPSTREAM
 from tgl_soar.control.target_line import eta_from_lean
 

@@ -27,10 +27,10 @@ from tgl_soar.sim.commanded_flight import (  # noqa: E402
     given_loops,
     given_pitch,
 )
-from tgl_soar.sim.fast_flight import begun  # noqa: E402
+from tgl_soar.sim.compiled_flight import begun  # noqa: E402
 from tgl_soar.sim.flight import CRASHED, Row, inputs_at  # noqa: E402
-from tgl_soar.sim.stepping import world_step  # noqa: E402
 from tgl_soar.sim.world import make_world  # noqa: E402
+from tgl_soar.sim.world_step import world_step  # noqa: E402
 from tgl_soar.types import SurfaceCommand  # noqa: E402
 
 DT_S = 1.0 / 200.0

@@ -51,10 +51,10 @@ with _watched():
     from tgl_soar.analysis.experiments.scenario import Scenario
     from tgl_soar.analysis.logs.dataflash import MAGIC
     from tgl_soar.analysis.logs.flight_data import FlightData
-    from tgl_soar.analysis.logs.reader import LogError
-    from tgl_soar.analysis.logs.reading import flight_from, read_flight
-    from tgl_soar.analysis.report.flight_figures import Surroundings
+    from tgl_soar.analysis.logs.open_log import flight_from, read_flight
+    from tgl_soar.analysis.logs.ulog_reader import LogError
     from tgl_soar.analysis.report.flight_page import Analysis, analysed, page_text, write_page
+    from tgl_soar.analysis.report.flight_report_figures import Surroundings
     from tgl_soar.autopilot import mode_name
     from tgl_soar.config.files import (
         ConfigError,

@@ -34,7 +34,7 @@ from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.folder import CampaignFolder
 from tgl_soar.sim.campaign.journal import InMemory
 from tgl_soar.sim.campaign.run import Progress, run
-from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
+from tgl_soar.sim.compiled_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.world import make_world
 
 DURATION_S: Final = 30.0

@@ -106,13 +106,13 @@ NAMED: Final = (
         "the second force forgets what the first has moved",
     ),
     Named(
-        "estimation/force_bias.py",
+        "estimation/accelerometer_bias.py",
         "        + (motion.forward_mps - average.forward_mps) / BIAS_S,\n",
         "        + 0.0,\n",
         "the bias takes a change of speed for its own (x)",
     ),
     Named(
-        "estimation/force_bias.py",
+        "estimation/accelerometer_bias.py",
         "average.force_z_mps2 + (motion.down_mps - average.down_mps) / BIAS_S,",
         "average.force_z_mps2,",
         "the bias takes a change of speed for its own (z)",

@@ -30,7 +30,7 @@ FIRST_S: Final = 1.0
 LONGEST_S: Final = 0.5
 LAST_S: Final = 3.0
 QUALITY: Final = 50
-SETTLED_M: Final = 0.15  # in turbulent air, as tests/cli/page/test_ghost.py argues it
+SETTLED_M: Final = 0.15  # in turbulent air, as tests/cli/page/test_settling_preview.py argues it
 TOO_LONG_S: Final = 60.0
 # The hand is where a mouse's arrow would be: a browser without a screen draws none.
 ARROW: Final = """() => {

@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import launch_landing as way
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.brake import NO_POINT, BrakeEffect, BrakeState, PointReport, set_aside
 from tgl_soar.control.conditions import (
     blind_glide_s,
     excitation_hindrance,
@@ -25,6 +24,7 @@ from tgl_soar.control.conditions import (
     target_conditions,
 )
 from tgl_soar.control.envelope import CUT_NOSE_UP, Margins, brake_limit, unlimited
+from tgl_soar.control.envelope_margins import pitch_kept
 from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, initial_memory
 from tgl_soar.control.excitation import (
     IDLE,
@@ -38,11 +38,11 @@ from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
 from tgl_soar.control.launch_landing import LaunchLandingReport, LaunchLandingState
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.margins import pitch_kept
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
+from tgl_soar.control.pitch_schedule import NO_GAINS, ScheduledGains
 from tgl_soar.control.point import point_step
+from tgl_soar.control.point_hold import NO_POINT, BrakeEffect, BrakeState, PointReport, set_aside
 from tgl_soar.control.power import power_conditions, power_off, power_step, with_power, with_push
-from tgl_soar.control.schedule import NO_GAINS, ScheduledGains
 from tgl_soar.control.soaring import (
     SoaringState,
     gliding_step,

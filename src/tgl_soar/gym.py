@@ -60,7 +60,7 @@ from tgl_soar.sim.commanded_flight import (
     fly_given_in_cells,
 )
 from tgl_soar.sim.compiled import cell, compiled
-from tgl_soar.sim.fast_flight import Prepared, begun, prepare, why_it_stands_so
+from tgl_soar.sim.compiled_flight import Prepared, begun, prepare, why_it_stands_so
 from tgl_soar.sim.flight import FLIES, HELD_S, Row
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import SurfaceCommand

@@ -24,7 +24,7 @@ from tgl_soar.air.wind_record import (
     synthetic_record,
     write_wind_record,
 )
-from tgl_soar.sim.known_air import known_air
+from tgl_soar.sim.compiled_air import known_air
 
 HILL = HillField(7.0, 8.0)
 PLACE = (-5.0, 0.0, 13.0)

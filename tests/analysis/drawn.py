@@ -36,12 +36,12 @@ FILES: Final = (
     *_in("experiments/aircraft", "airframes", "dispersed", "unseen"),
     *_in("experiments/estimates", "estimator_experiment", "incidence", "wind_estimate", "wind_use"),
     *_in("experiments/lift", "forecast_experiment", "lift_map_experiment", "nowhere"),
-    *_in("experiments/loop", "accepted_leans", "command_delay"),
-    *_in("experiments/outdoors", "outdoors", "satellites", "windy_hour"),
+    *_in("experiments/loop", "command_delay", "leans"),
+    *_in("experiments/outdoors", "hour", "outdoors", "satellites"),
     *_in("experiments/paper", "places"),
     *_in("experiments/point", "brake_faults", "hold_point"),
     *_in("report", "figures", "flight_report", "point_figure"),
-    *_in("search", "flown_map", "search_scoring"),
+    *_in("search", "map_from_log", "search_scoring"),
 )
 
 Shown = dict[str, Any]

@@ -15,7 +15,7 @@ from tgl_soar.analysis.linear_controller import linear_controller
 from tgl_soar.analysis.linear_model import Loop, close_loop, margin, sensitivity
 from tgl_soar.analysis.linear_plant import Condition, field_gradient, linear_plant
 from tgl_soar.analysis.logs.flight_data import Series
-from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.loop_response import (
     AT_ELEVATOR,
     AT_SETPOINT,
@@ -26,8 +26,8 @@ from tgl_soar.analysis.loop_response import (
     open_loop_discs,
     opened,
 )
-from tgl_soar.analysis.report.flight_figures import Surroundings
 from tgl_soar.analysis.report.flight_page import analysed, write_page
+from tgl_soar.analysis.report.flight_report_figures import Surroundings
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import (
     line_parameters,

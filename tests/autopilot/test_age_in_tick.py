@@ -7,7 +7,7 @@ import pytest
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.lateral_schedule import lateral_bandwidth
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.schedule import AGE_FOUND_S, pitch_gains, schedule_at_age
+from tgl_soar.control.pitch_schedule import AGE_FOUND_S, pitch_gains, schedule_at_age
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.sensors import USUAL_SENSORS
 from tgl_soar.sim.world import build_field, make_world

@@ -9,7 +9,7 @@ import pytest
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.control.brake import DEAD, HOLDS, LINE_ONLY, RESTS
+from tgl_soar.control.point_hold import DEAD, HOLDS, LINE_ONLY, RESTS
 from tgl_soar.estimation.health import BRAKE
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, Sensors

@@ -10,7 +10,7 @@ import pytest
 from tgl_soar.autopilot import Output
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.envelope import CUT_NOSE_UP, PITCH_PER_SPEED
-from tgl_soar.control.margins import STALL_UNCERTAINTY_MAX_RAD, stall_uncertainty
+from tgl_soar.control.envelope_margins import STALL_UNCERTAINTY_MAX_RAD, stall_uncertainty
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, USUAL_SENSORS, Sensors

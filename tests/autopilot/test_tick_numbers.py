@@ -23,12 +23,12 @@ from tgl_soar.autopilot import (
     step,
 )
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import CUT_NOSE_UP
 from tgl_soar.control.excitation import IDLE, RUNNING
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.pid import PidState
+from tgl_soar.control.point_hold import BrakeEffect
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
 from tgl_soar.estimation.health import STREAM_FAULTS, fault_words
 from tgl_soar.types import THEIRS, Inputs, SurfaceCommand

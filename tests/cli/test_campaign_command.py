@@ -13,8 +13,8 @@ from typer.testing import CliRunner, Result
 from tgl_soar.analysis.campaigns import drawn_faults
 from tgl_soar.analysis.campaigns.drawn_faults import FaultJob, Outcome
 from tgl_soar.cli.app import app
+from tgl_soar.cli.batch_options import FlightLines, duration
 from tgl_soar.cli.console import show
-from tgl_soar.cli.flying import FlightLines, duration
 from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS
 
 flown: list[int] = []

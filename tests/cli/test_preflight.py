@@ -11,10 +11,10 @@ from msgspec.structs import replace
 
 from tgl_soar.cli.preflight import _margin_reported, _place_reported
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.link.autopilot_setup_check import ASK_S, ASK_TIMES
 from tgl_soar.link.autopilots import FIRMWARES, flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
 from tgl_soar.link.checks.preflight import Preflight
-from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
 from tgl_soar.link.messages import (
     AUTOPILOT_ARDUPILOT,
     AUTOPILOT_PX4,

@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from tgl_soar.air.field import FloatArray
 from tgl_soar.air.grid import GridField
 from tgl_soar.air.grid_files import write_npz
-from tgl_soar.analysis.rare import kept
+from tgl_soar.analysis.rare import checkpoint
 from tgl_soar.analysis.rare.kramers import WellExit
-from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
+from tgl_soar.analysis.rare.soaring_process import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import Passage
 from tgl_soar.cli import rare
 from tgl_soar.cli.app import app
@@ -74,7 +74,7 @@ def halving(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("halving")
 def test_the_ladder_is_printed_and_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kept, "BATCH", 150)  # three of them and a part
+    monkeypatch.setattr(checkpoint, "BATCH", 150)  # three of them and a part
     words = [*WORDS, "--effort", "200", "--ladders", "6"]
     done = CliRunner().invoke(app, [*words, "--plain", "500", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
@@ -158,7 +158,7 @@ def test_a_run_that_is_stopped_is_gone_on_with(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Stopped at any time, and gone on with, it says what it says when it is never stopped."""
-    monkeypatch.setattr(kept, "BATCH", 100)
+    monkeypatch.setattr(checkpoint, "BATCH", 100)
     words = [*WORDS, "--effort", "60", "--ladders", "9", "--plain", "350"]
     whole = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "whole")])
     assert whole.exit_code == 0, whole.output

@@ -15,7 +15,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.loop_margin import margin_when_late
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
-from tgl_soar.link.checks.surfaces import SIGHTS, STOPS, SurfaceCheck, finding
+from tgl_soar.link.checks.surface_check import SIGHTS, STOPS, SurfaceCheck, finding
 from tgl_soar.link.messages import (
     MODE_FLAG_ARMED,
     Heartbeat,

@@ -16,9 +16,9 @@ from bench_bridge import AIRFRAME, PATIENCE_S, bridge
 from free_ports import free_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.checks.surfaces import SIGHTS
+from tgl_soar.link.checks.surface_check import SIGHTS
 from tgl_soar.onboard import watchdog
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 
 
 def surfaces(link: str, airframe: Path, *more: str) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 from slid_contour import flown, logged
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.logs import reading
+from tgl_soar.analysis.logs import open_log
 from tgl_soar.analysis.logs.flight_data import FlightData
 from tgl_soar.cli.app import app
 from tgl_soar.cli.survey import with_contour, write_contour
@@ -30,7 +30,7 @@ parts = [
 
 
 def run(monkeypatch: pytest.MonkeyPatch, flight: FlightData, *words: str) -> tuple[int, str]:
-    monkeypatch.setattr(reading, "read_flight", lambda _path: flight)
+    monkeypatch.setattr(open_log, "read_flight", lambda _path: flight)
     result = CliRunner().invoke(app, ["survey", "flight.ulg", *words])
     return result.exit_code, re.sub(r"\s+", " ", result.output)
 

@@ -8,24 +8,6 @@ from random import Random
 import pytest
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.control.brake import (
-    ABOVE_BAND,
-    BELOW_BAND,
-    DEAD,
-    GIVES_WAY,
-    HOLDS,
-    MIDDLE,
-    NO_POINT,
-    POINT_TEXTS,
-    RESTS,
-    TRIES,
-    UNEVEN,
-    Around,
-    BrakeGains,
-    BrakeState,
-    acts,
-    brake_step,
-)
 from tgl_soar.control.brake_shake import BLOCK_S, SHAKEN, SHAKES_FEWEST
 from tgl_soar.control.brake_watch import (
     ACTS,
@@ -49,6 +31,24 @@ from tgl_soar.control.brake_watch import (
 )
 from tgl_soar.control.envelope import brake_blocked
 from tgl_soar.control.laws import laws_from
+from tgl_soar.control.point_hold import (
+    ABOVE_BAND,
+    BELOW_BAND,
+    DEAD,
+    GIVES_WAY,
+    HOLDS,
+    MIDDLE,
+    NO_POINT,
+    POINT_TEXTS,
+    RESTS,
+    TRIES,
+    UNEVEN,
+    Around,
+    BrakeGains,
+    BrakeState,
+    acts,
+    brake_step,
+)
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import VehicleState, polar_slope

@@ -19,7 +19,7 @@ from tgl_soar.control.lateral_schedule import (
     sideways_gains,
 )
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import AGE_FOUND_S, HOLD_S
+from tgl_soar.control.pitch_schedule import AGE_FOUND_S, HOLD_S
 
 PID = PidGains(
     kp=2.5,

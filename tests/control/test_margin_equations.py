@@ -13,7 +13,7 @@ from tgl_soar.config.lateral_dynamics import LateralDynamics
 from tgl_soar.control.lateral_margin import Sideways, disk_margins
 from tgl_soar.control.loop_margin import Flown, disk_margin
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import Dynamics
+from tgl_soar.control.pitch_schedule import Dynamics
 
 G = 9.80665
 HALF_A_TICK_S = 0.0025  # a command holds for a whole one of 5 ms

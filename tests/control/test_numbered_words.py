@@ -11,12 +11,12 @@ from types import ModuleType
 import pytest
 
 from tgl_soar.control import (
-    brake,
     envelope,
     excitation,
     forecast,
     landing,
     launch,
+    point_hold,
     survey,
     throttle,
 )
@@ -83,7 +83,7 @@ CALLED = {"NOT_CALLED": "", "NOWHERE": "no place", "HOME": "way home", "LOW": "l
     [
         (survey, SURVEY, survey.SURVEY_TEXTS),
         (excitation, EXCITATION, excitation.EXCITATION_TEXTS),
-        (brake, BRAKE, brake.POINT_TEXTS),
+        (point_hold, BRAKE, point_hold.POINT_TEXTS),
         (forecast, FORECAST, forecast.FORECAST_TEXTS),
         (throttle, CALLED, throttle.CALLED_TEXTS),
     ],

@@ -7,10 +7,10 @@ from math import cos, pi, radians, sin
 import pytest
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.control.brake import NO_POINT, BrakeState
 from tgl_soar.control.envelope import CLEAR_FACTOR, clearance
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.point import _is_free
+from tgl_soar.control.point_hold import NO_POINT, BrakeState
 
 UP = pi / 2.0
 CLEAR_M = 0.5

@@ -11,8 +11,8 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.control import supervisor as s
 from tgl_soar.control.conditions import stream_conditions
 from tgl_soar.control.envelope import OUT_BELOW, Fence
+from tgl_soar.control.envelope_margins import margins_of
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.margins import margins_of
 from tgl_soar.estimation import health as h
 from tgl_soar.estimation.ground_range import NO_GROUND_RANGE
 from tgl_soar.geometry import SoaringFrame

@@ -11,7 +11,7 @@ from test_architecture import DOORS, FLIES, TABLE, permitted
 
 from tgl_soar.control.supervisor import MODE_NAMES, TRANSITIONS
 from tgl_soar.onboard import native, realtime, watchdog
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "tgl_soar"

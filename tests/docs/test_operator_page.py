@@ -8,8 +8,8 @@ from pathlib import Path
 from tgl_soar.config.parameters import INDEX
 from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
 from tgl_soar.estimation.health import DISARMED, FAULT_TEXTS
-from tgl_soar.onboard.instruments import FAST, HELD_BACK, SLOW
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY
+from tgl_soar.onboard.telemetry_values import FAST, HELD_BACK, SLOW
 from tgl_soar.onboard.watchdog import EXIT_KEEPS_DYING, HANGS_FLYING_S, RESTARTS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operator.md").read_text(encoding="utf-8")

@@ -22,8 +22,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.analysis.report.flight_figures import Surroundings
 from tgl_soar.analysis.report.flight_page import analysed, page_text
+from tgl_soar.analysis.report.flight_report_figures import Surroundings
 from tgl_soar.config.parameter_store import read_state
 from tgl_soar.sim.natnet_frames import VERSIONS
 

@@ -8,11 +8,11 @@ import pytest
 
 from tgl_soar.link.commands import CommandCounters
 from tgl_soar.link.decoder import DecoderCounters
-from tgl_soar.link.natnet.ledger import OptitrackCounters
+from tgl_soar.link.natnet.diagnostics import OptitrackCounters
 from tgl_soar.link.parameters import ParameterCounters
 from tgl_soar.link.signing import SigningCounters
 from tgl_soar.link.transports.base import LinkCounters
-from tgl_soar.link.vehicle.ledger import SessionCounters
+from tgl_soar.link.vehicle.diagnostics import SessionCounters
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.pacing import TickCounters
 

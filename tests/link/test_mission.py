@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.link.autopilot_setup_check import ASK_S, ASK_TIMES
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
-from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
 from tgl_soar.link.messages import (
     CommandLong,
     HomeMessage,

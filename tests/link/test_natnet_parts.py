@@ -10,9 +10,9 @@ import pytest
 from tgl_soar.geometry import HallFrame
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.natnet import layout, track
+from tgl_soar.link.natnet.diagnostics import OptitrackCounters, OptitrackLedger, OutageNotices
 from tgl_soar.link.natnet.frame_times import FrameTimes
 from tgl_soar.link.natnet.layout import MocapFrame, RigidBody, ServerInfo
-from tgl_soar.link.natnet.ledger import OptitrackCounters, OptitrackLedger, OutageNotices
 from tgl_soar.link.natnet.pose_filter import PoseFilter
 from tgl_soar.link.natnet.server import MulticastStream, NatNetServer
 from tgl_soar.link.natnet.settings import OptitrackSettings

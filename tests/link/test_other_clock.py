@@ -21,8 +21,8 @@ from tgl_soar.link.clock import (
     StampedStreams,
 )
 from tgl_soar.link.messages import Source
-from tgl_soar.link.streams import StreamRequests
-from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
+from tgl_soar.link.stream_requests import StreamRequests
+from tgl_soar.link.vehicle.diagnostics import Ledger, SessionCounters
 from tgl_soar.link.vehicle.sample_times import SampleTimes
 
 ATTITUDE, POSITION, UNUSED = "attitude", "position", "unused"

@@ -31,7 +31,7 @@ from tgl_soar.link.messages import (
     VfrHud,
 )
 from tgl_soar.link.session import Session, SessionOptions
-from tgl_soar.link.streams import StreamRequests
+from tgl_soar.link.stream_requests import StreamRequests
 
 OWN = Source(1, 191)
 AUTOPILOT = Source(1, 1)

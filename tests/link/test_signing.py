@@ -13,17 +13,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
-from tgl_soar.link.keys import (
-    RESERVE_S,
-    Secret,
-    SigningError,
-    TimestampFile,
-    keep_timestamp,
-    load_key,
-    peers_of,
-    save_key,
-    signing_from,
-)
 from tgl_soar.link.messages import Heartbeat, Source
 from tgl_soar.link.signing import (
     CLOCK_IS_SET_S,
@@ -34,6 +23,17 @@ from tgl_soar.link.signing import (
     MAX_STREAMS,
     TICKS_PER_S,
     Signing,
+)
+from tgl_soar.link.signing_keys import (
+    RESERVE_S,
+    Secret,
+    SigningError,
+    TimestampFile,
+    keep_timestamp,
+    load_key,
+    peers_of,
+    save_key,
+    signing_from,
 )
 
 KEY, OTHER_KEY = bytes(range(1, 33)), bytes(range(2, 34))

@@ -17,7 +17,7 @@ from tgl_soar.link.messages import (
     RESULT_TEMPORARILY_REJECTED,
     RESULT_UNSUPPORTED,
 )
-from tgl_soar.link.streams import RequestedStream, StreamRequests
+from tgl_soar.link.stream_requests import RequestedStream, StreamRequests
 
 
 def asked(requests: StreamRequests, now_s: float) -> tuple[float, float] | None:

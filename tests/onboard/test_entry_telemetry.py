@@ -11,7 +11,7 @@ from test_onboard import Flight
 
 from tgl_soar.control.envelope import Margins
 from tgl_soar.control.supervisor import POSITION_FRESH, READY, UPRIGHT
-from tgl_soar.onboard.instruments import HELD_BACK, SLOW, slow_value
+from tgl_soar.onboard.telemetry_values import HELD_BACK, SLOW, slow_value
 
 RELEASE, ABORT = mavlink.MAV_CMD_USER_2, mavlink.MAV_CMD_USER_3
 

@@ -10,7 +10,7 @@ from test_onboard import Flight, texts
 
 from tgl_soar.control.excitation import RUNNING, WHOLE_S
 from tgl_soar.control.supervisor import SOARING
-from tgl_soar.onboard.instruments import ARRAY
+from tgl_soar.onboard.telemetry_values import ARRAY
 
 
 def soaring() -> Flight:

@@ -24,13 +24,12 @@ from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.config.parameter_store import Identity, ParameterStore
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.link.decoder import Decoder
-from tgl_soar.link.keys import save_key
+from tgl_soar.link.signing_keys import save_key
 from tgl_soar.onboard import process, watchdog
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.process import EXIT_ERROR, EXIT_LINK_NOT_READY, EXIT_OK
 from tgl_soar.onboard.setup import setup_from
-from tgl_soar.onboard.stand_in import hand_over
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import (
     EXIT_KEEPS_DYING,
     IGNORED,
@@ -39,6 +38,7 @@ from tgl_soar.onboard.watchdog import (
     Release,
     Sign,
 )
+from tgl_soar.onboard.watchdog_release import hand_over
 
 
 @pytest.fixture

@@ -26,12 +26,12 @@ from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.clock import ROW
 from tgl_soar.link.messages import Source
-from tgl_soar.onboard.instruments import FAST, SLOW
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.operators import ABSENT_S
 from tgl_soar.onboard.search_switch import SearchEngine
 from tgl_soar.onboard.setup import ModuleSetup
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import RELEASE_FRAMES
+from tgl_soar.onboard.telemetry_values import FAST, SLOW
 
 CHANNELS = SurfaceChannels(
     elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),

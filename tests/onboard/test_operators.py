@@ -15,8 +15,8 @@ from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import operators, realtime
 from tgl_soar.onboard import process as module
 from tgl_soar.onboard.command_line import RunOptions
-from tgl_soar.onboard.instruments import ARRAY
 from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.telemetry_values import ARRAY
 
 ENGAGE, RELEASE, ABORT = 31010, 31011, 31012
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 0, 1, 2, 3, 4, 5, 6

@@ -12,7 +12,7 @@ from test_onboard import STEP_S, Flight, setup
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.decoder import FALSE_TRIES_MAX, MESSAGE_TRIES
-from tgl_soar.link.routes import READ_TRIES, TRIES
+from tgl_soar.link.routing import READ_TRIES, TRIES
 from tgl_soar.link.transports.base import LinkCounters
 from tgl_soar.onboard.loop import Links
 from tgl_soar.onboard.watchdog import ProcessHeartbeat

@@ -45,7 +45,7 @@ from tgl_soar.control.supervisor import (
 )
 from tgl_soar.control.supervisor import SOARING as SOARS
 from tgl_soar.control.target_line import LineTracking, TargetLine, eta_from_lean
-from tgl_soar.onboard.search_beside import LARGEST_BYTES, SearchBeside, SearchHere, serve
+from tgl_soar.onboard.search_process import LARGEST_BYTES, SearchBeside, SearchHere, serve
 from tgl_soar.onboard.search_switch import LATE_S
 from tgl_soar.onboard.setup import ModuleSetup
 from tgl_soar.types import NO_GROUND, VehicleState

@@ -12,14 +12,14 @@ import pytest
 
 from tgl_soar.config import parameter_store
 from tgl_soar.config.files import shipped
-from tgl_soar.link import keys
-from tgl_soar.onboard import search_beside
+from tgl_soar.link import signing_keys
+from tgl_soar.onboard import search_process
 from tgl_soar.onboard.flightlog import spool
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY, main
 from tgl_soar.onboard.realtime import PRIORITY
-from tgl_soar.onboard.stand_in import GIVE_BACK_INTERVAL_S
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import ENDING_S, HANGS_S, LOOK_S, PATIENCE_S
+from tgl_soar.onboard.watchdog_release import GIVE_BACK_INTERVAL_S
 
 UNIT = shipped("systemd/tgl-soar.service")
 TEXT = UNIT.read_text(encoding="utf-8")
@@ -88,7 +88,7 @@ def test_its_numbers_are_those_of_the_program() -> None:
 
 def test_an_end_in_order_has_the_time_that_its_parts_may_take() -> None:
     """Each has its own limit; the surfaces are back before the first of them."""
-    parts_s = 2 * parameter_store.STOP_S + spool.STOP_S + keys.STOP_S + search_beside.END_S
+    parts_s = 2 * parameter_store.STOP_S + spool.STOP_S + signing_keys.STOP_S + search_process.END_S
     assert parts_s < ENDING_S < min(HANGS_S, float(setting("WatchdogSec")))
 
 

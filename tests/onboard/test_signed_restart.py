@@ -14,8 +14,8 @@ import pytest
 from module_process import PATIENCE_S, Module
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.link.keys import save_key
 from tgl_soar.link.signing import EPOCH_S, TICKS_PER_S
+from tgl_soar.link.signing_keys import save_key
 
 KEY = bytes(range(1, 33))
 REPLAYS = 20  # of all that was recorded

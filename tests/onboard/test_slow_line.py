@@ -23,7 +23,7 @@ from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.transport import open_link
 from tgl_soar.link.transports.serial_line import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink
 from tgl_soar.onboard.module import Onboard
-from tgl_soar.onboard.surfaces import LONGEST_FRAME, RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import LONGEST_FRAME, RELEASE_FRAMES
 
 pytestmark = pytest.mark.interpreted  # the driver's counts are put in its place
 FRAME = 30  # bytes of an override

@@ -29,13 +29,14 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import Site, Tether
-from tgl_soar.control.brake import ABOVE_BAND, HOLDS
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.laws import laws_from
+from tgl_soar.control.point_hold import ABOVE_BAND, HOLDS
 from tgl_soar.control.supervisor import MODE_NAMES
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
 from tgl_soar.sim.compiled import available, compiled
-from tgl_soar.sim.fast_flight import (
+from tgl_soar.sim.compiled_air import UnknownFieldError, air_inside, air_wind, as_air
+from tgl_soar.sim.compiled_flight import (
     CompiledLoop,
     CompiledWorld,
     begun,
@@ -46,7 +47,6 @@ from tgl_soar.sim.fast_flight import (
 from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.flight import Row, fly_ticks
 from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.known_air import UnknownFieldError, air_inside, air_wind, as_air
 from tgl_soar.sim.sensors import (
     AUTOPILOT_ATTITUDE,
     MEMS_IMU,

@@ -31,7 +31,7 @@ from tgl_soar.sim.aircraft import (
 )
 from tgl_soar.sim.closed_loop import fly
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import fly_compiled, prepare
+from tgl_soar.sim.compiled_flight import fly_compiled, prepare
 from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.sim.point_mass import PointMass, point_mass, point_mass_glide_at, polar_misfit
 from tgl_soar.sim.world import build_field, make_world

@@ -53,7 +53,7 @@ from tgl_soar.sim.sensors import (
     samples_taken,
     sensor_timing,
 )
-from tgl_soar.sim.white import drawn_as_needed, drawn_before
+from tgl_soar.sim.white_noise import drawn_as_needed, drawn_before
 from tgl_soar.types import NO_FIX, NO_GROUND, NO_RANGE, Ground
 
 _AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))

@@ -12,8 +12,8 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.sensors import MEMS_IMU, READ_BACK, Sensors
-from tgl_soar.sim.stepping import WorldNow
 from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.world_step import WorldNow
 from tgl_soar.types import AttitudeSample
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")

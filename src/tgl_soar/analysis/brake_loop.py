@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from tgl_soar.analysis.linear_plant import Condition, Matrix, differences
 from tgl_soar.control.attitude import attitude_step
-from tgl_soar.control.brake import brake_effect
+from tgl_soar.control.gain_blend import pid_between, soaring_between
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState
-from tgl_soar.control.schedule import pitch_gains, soaring_gains
-from tgl_soar.control.scheduling import pid_between, soaring_between
+from tgl_soar.control.pitch_schedule import pitch_gains, soaring_gains
+from tgl_soar.control.point_hold import brake_effect
 from tgl_soar.control.soaring import SoaringGains, SoaringState, soaring_step
 from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler

@@ -47,7 +47,7 @@ from tgl_soar.control.lateral_schedule import (
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidState
-from tgl_soar.control.schedule import speed_within
+from tgl_soar.control.pitch_schedule import speed_within
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.aircraft import Glide, glide_at, gliding_state, step
 from tgl_soar.sim.sensors import sensor_timing

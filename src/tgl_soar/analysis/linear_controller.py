@@ -17,10 +17,10 @@ import numpy as np
 
 from tgl_soar.analysis.linear_plant import TRUTH, Condition, Matrix, Periodic
 from tgl_soar.control.attitude import attitude_step
+from tgl_soar.control.gain_blend import pid_between, soaring_between
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState
-from tgl_soar.control.schedule import pitch_gains, schedule_at_age, soaring_gains
-from tgl_soar.control.scheduling import pid_between, soaring_between
+from tgl_soar.control.pitch_schedule import pitch_gains, schedule_at_age, soaring_gains
 from tgl_soar.control.soaring import SoaringGains, SoaringState, soaring_step
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.estimation.fix_filter import (

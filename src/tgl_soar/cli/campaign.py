@@ -13,18 +13,7 @@ from rich.table import Table
 from tgl_soar.analysis.campaigns import drawn_faults, report
 from tgl_soar.analysis.campaigns.long_flight import Part, fly_long
 from tgl_soar.analysis.campaigns.safety_timeline import draw_safety_timeline
-from tgl_soar.cli.console import (
-    MODEL_HELP,
-    Commands,
-    FlightModel,
-    console,
-    errors,
-    fail,
-    hint,
-    say,
-    show,
-)
-from tgl_soar.cli.flying import (
+from tgl_soar.cli.batch_options import (
     ALL,
     Dispersion,
     Restart,
@@ -35,6 +24,17 @@ from tgl_soar.cli.flying import (
     fly_folder,
     page_to_write,
     to_resume,
+)
+from tgl_soar.cli.console import (
+    MODEL_HELP,
+    Commands,
+    FlightModel,
+    console,
+    errors,
+    fail,
+    hint,
+    say,
+    show,
 )
 from tgl_soar.cli.rare import rare
 from tgl_soar.sim.campaign.cluster import ClusterError

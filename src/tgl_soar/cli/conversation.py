@@ -12,7 +12,6 @@ import typer
 
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.link.autopilots.base import Flavour
-from tgl_soar.link.keys import Secret, peers_of, signing_from
 from tgl_soar.link.messages import (
     AUTOPILOT_INVALID,
     COMPONENT_AUTOPILOT,
@@ -22,7 +21,8 @@ from tgl_soar.link.messages import (
     Outbound,
     Source,
 )
-from tgl_soar.link.routes import Route
+from tgl_soar.link.routing import Route
+from tgl_soar.link.signing_keys import Secret, peers_of, signing_from
 from tgl_soar.link.transport import open_link
 from tgl_soar.onboard.setup import commanding_source
 

@@ -33,8 +33,7 @@ from tgl_soar.analysis.experiments.pages import (
 )
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.analysis.experiments.staleness import probe
-from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say, show
-from tgl_soar.cli.flying import (
+from tgl_soar.cli.batch_options import (
     ALL,
     Dispersion,
     Restart,
@@ -46,6 +45,7 @@ from tgl_soar.cli.flying import (
     page_to_write,
     to_resume,
 )
+from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say, show
 from tgl_soar.config.files import ConfigError, load_site
 from tgl_soar.config.site import air_files
 from tgl_soar.sim.campaign.cluster import ClusterError

@@ -25,7 +25,7 @@ from tgl_soar.analysis.identified_file import (
     glided,
     with_identified,
 )
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, errors, fail, say
 from tgl_soar.config.files import ConfigError, load_airframe
 
@@ -70,7 +70,7 @@ def identify_command(
     """
     from tgl_soar.analysis.logs.flight_data import steered
     from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
-    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.logs.open_log import read_flight
 
     if out is not None and out.resolve() == airframe.resolve():
         fail(f"--out {out}: that is the file that it is compared with; give another name")

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from tgl_soar.analysis.logs.export import ENDINGS, FORMATS
 from tgl_soar.analysis.logs.meanings import page
-from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
+from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError, read_log
 from tgl_soar.cli.console import Commands, console, errors, fail
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -
 def margins(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog of ours.")]) -> None:
     """Read the open loop from a flight's multisines (EXC_START): gain and phase at each tone, and
     margins, with their 95 % intervals; exit code 2 where there are none."""
-    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.logs.open_log import read_flight
     from tgl_soar.analysis.loop_response import loop_responses
 
     try:

@@ -23,8 +23,8 @@ from typing import Any, Final
 from MAVProxy.modules.lib import mp_module
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.cli.page.ghost import GhostLine
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, Done, Orders
+from tgl_soar.cli.page.settling_preview import GhostLine
 from tgl_soar.cli.page.station import StationAnswer
 from tgl_soar.config.files import ConfigError, load_site
 from tgl_soar.config.line_changes import LINE
@@ -32,7 +32,7 @@ from tgl_soar.config.parameters import INDEX, ParameterError, checked_value
 from tgl_soar.config.site import Site
 from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES, is_flying
 from tgl_soar.estimation.health import FAULT_TEXTS
-from tgl_soar.onboard.instruments import FAST, HELD_BACK, SLOW
+from tgl_soar.onboard.telemetry_values import FAST, HELD_BACK, SLOW
 
 NAME: Final = "tgl"
 COMPONENT: Final = 191

@@ -11,8 +11,8 @@ import typer
 from rich.table import Table
 
 from tgl_soar.analysis.logs.gliding import MeanWind, glides
-from tgl_soar.analysis.logs.reader import LogError
-from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.open_log import read_flight
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, Commands, console, errors, fail, say
 from tgl_soar.cli.identify import WindFromOption, WindOption
 from tgl_soar.config.airframe import Airframe

@@ -11,14 +11,26 @@ import typer
 from rich.table import Table
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, wilson
-from tgl_soar.analysis.rare.kept import PARTS, RareRequest, fly_kept
-from tgl_soar.analysis.rare.soaring import SHOWN, SoaringCase, SoaringProcess
+from tgl_soar.analysis.rare.checkpoint import PARTS, RareRequest, fly_kept
+from tgl_soar.analysis.rare.soaring_process import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import (
     Ladder,
     Loss,
     RareEstimate,
     estimated,
     pooled_causes,
+)
+from tgl_soar.cli.batch_options import (
+    ALL,
+    Dispersion,
+    Restart,
+    Resume,
+    Scheduler,
+    Workers,
+    executor_of,
+    files_of,
+    flight_bar,
+    to_resume,
 )
 from tgl_soar.cli.console import (
     AIRFRAME,
@@ -30,18 +42,6 @@ from tgl_soar.cli.console import (
     fail,
     say,
     show,
-)
-from tgl_soar.cli.flying import (
-    ALL,
-    Dispersion,
-    Restart,
-    Resume,
-    Scheduler,
-    Workers,
-    executor_of,
-    files_of,
-    flight_bar,
-    to_resume,
 )
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError

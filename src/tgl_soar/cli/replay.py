@@ -9,11 +9,12 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.analysis.replay.logged import SHOWN, Replay, ReplayError
 from tgl_soar.analysis.replay.logged import replay as replay_log
 from tgl_soar.analysis.replay.many import ReplayedLog, ReplayJob, replay_campaign, replay_many
 from tgl_soar.analysis.replay.wire import WireReplay, replay_wire, rms
+from tgl_soar.cli.batch_options import ALL, Restart, Resume, flight_bar, fly_folder, to_resume
 from tgl_soar.cli.console import (
     AIRFRAME,
     AIRFRAME_FILE,
@@ -24,7 +25,6 @@ from tgl_soar.cli.console import (
     fail,
     say,
 )
-from tgl_soar.cli.flying import ALL, Restart, Resume, flight_bar, fly_folder, to_resume
 from tgl_soar.cli.log import read
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, errors, fail, say
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
@@ -28,7 +28,7 @@ from tgl_soar.control.target_line import eta_from_lean
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.logs.flight_data import FlightData
-    from tgl_soar.analysis.report.flight_figures import Surroundings
+    from tgl_soar.analysis.report.flight_report_figures import Surroundings
 
 STEPS = 10  # reading, reckoning, and the parts of the page
 
@@ -106,7 +106,7 @@ def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> t
     Errors: `LogError`, `ConfigError`, ImportError without an extra, OSError.
     """
     from tgl_soar.analysis.logs.flight_data import steered
-    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.logs.open_log import read_flight
     from tgl_soar.analysis.report.flight_page import analysed, write_page
 
     flight = read_flight(log)
@@ -152,7 +152,7 @@ def _surroundings(
     Of a site that only the log holds no file is opened: a log may be a stranger's, and would
     choose which file of this computer the page shows.
     """
-    from tgl_soar.analysis.report.flight_figures import Surroundings
+    from tgl_soar.analysis.report.flight_report_figures import Surroundings
     from tgl_soar.sim.world import build_field, ground_outline
 
     lines = {}

@@ -11,7 +11,7 @@ import typer
 from rich.live import Live
 from rich.table import Table
 
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.autopilot import mode_name
 from tgl_soar.cli.console import (
     AIRFRAME,
@@ -410,7 +410,7 @@ def newest_log(folder: Path) -> Path | None:
 def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     """The flight in the vertical plane, as it truly was.  Errors: ImportError."""
     from tgl_soar.analysis.logs.flight_data import FlightData, Series
-    from tgl_soar.analysis.report.flight_figures import Surroundings, plane_figure
+    from tgl_soar.analysis.report.flight_report_figures import Surroundings, plane_figure
     from tgl_soar.analysis.report.legs import ReportLeg
     from tgl_soar.analysis.report.style import drawing, save
     from tgl_soar.sim.world import build_field, ground_outline
@@ -447,8 +447,8 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
 
 def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
     """How the lift map grew under the search.  Errors: ImportError, `LogError`."""
-    from tgl_soar.analysis.logs.reading import read_flight
-    from tgl_soar.analysis.search.flown import glimpses_of, map_figure
+    from tgl_soar.analysis.logs.open_log import read_flight
+    from tgl_soar.analysis.search.map_from_log import glimpses_of, map_figure
     from tgl_soar.control.search.glimpse import task_of
     from tgl_soar.onboard.setup import laws_of, setup_from
     from tgl_soar.sim.world import build_field

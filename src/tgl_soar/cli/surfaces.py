@@ -21,8 +21,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.loop_margin import FLOOR, margin_when_late
-from tgl_soar.link.checks.surfaces import SurfaceCheck
-from tgl_soar.link.keys import SigningError
+from tgl_soar.link.checks.surface_check import SurfaceCheck
 from tgl_soar.link.messages import (
     COMMAND_SET_MESSAGE_INTERVAL,
     ID_LOCAL_POSITION_NED,
@@ -30,9 +29,10 @@ from tgl_soar.link.messages import (
     CommandLong,
     Source,
 )
+from tgl_soar.link.signing_keys import SigningError
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.setup import direct_flavour_of, surface_channels
-from tgl_soar.onboard.surfaces import RELEASE_FRAMES
+from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import ENDS, IGNORED
 
 OUTPUT_HZ: Final = 50.0  # the outputs: their latency is known to 20 ms and less, by many steps

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import typer
 
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, fail, hint, say
 from tgl_soar.cli.site import contour_table
 from tgl_soar.config.airframe import Airframe
@@ -19,7 +19,7 @@ from tgl_soar.config.parameter_store import write_state
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.logs.flight_data import FlightData
-    from tgl_soar.analysis.survey.drawn import DrawnContour
+    from tgl_soar.analysis.survey.contour_fit import DrawnContour
 
 _TABLE = re.compile(r"(?m)^\[{1,2}[A-Za-z]")
 
@@ -44,9 +44,9 @@ def survey(
 
     Nothing else of the site file is changed. Exit code 2: the log holds no survey to draw by.
     """
-    from tgl_soar.analysis.logs.reading import read_flight
-    from tgl_soar.analysis.survey.drawn import SurveyError, drawn_contour
-    from tgl_soar.analysis.survey.flown import surveys_of
+    from tgl_soar.analysis.logs.open_log import read_flight
+    from tgl_soar.analysis.survey.contour_fit import SurveyError, drawn_contour
+    from tgl_soar.analysis.survey.surveys_from_log import surveys_of
 
     try:
         flight = read_flight(log)

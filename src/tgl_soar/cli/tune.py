@@ -11,6 +11,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tgl_soar.cli.batch_options import files_of
 from tgl_soar.cli.console import (
     AIRFRAME,
     AIRFRAME_FILE,
@@ -22,7 +23,6 @@ from tgl_soar.cli.console import (
     hint,
     say,
 )
-from tgl_soar.cli.flying import files_of
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameter_store import write_state
 from tgl_soar.config.parameters import ParameterError

@@ -5,19 +5,19 @@ Laws
   target_line          the line and e_rho;  soaring: e_rho to pitch;  attitude: pitch to elevator,
                        roll to aileron;  heading: to rudder;  pid: what all of them use
   surface_loops        from setpoints to deflections, in this order
-  schedule             gains by speed, lean, latency;  lateral_schedule: of roll and heading
-  scheduling           gains with accelerations, blended with those without
+  pitch_schedule       gains by speed, lean, latency;  lateral_schedule: of roll and heading
+  gain_blend           gains with accelerations, blended with those without
   envelope             the last limiter
 
 Deciding
   supervisor           modes and reasons, one table;  conditions: what holds, as bits
-  estimates            what a tick knows;  margins: how far to stall, ground and fence
+  estimates            what a tick knows;  envelope_margins: how far to stall, ground and fence
   forecast             where the aircraft will stop
 
 Other ways to fly
   launch_landing       launch, way home and landing in a tick: launch, landing, weaving, escape,
                        airspeed_error, wind_triangle
-  point                the point on the line in a tick: brake, brake_watch, brake_shake
+  point                the point on the line in a tick: point_hold, brake_watch, brake_shake
   power                a propeller in a tick: throttle
   search/, survey      looking for lift;  drawing the contour
   excitation           a multisine that shows the margins

@@ -21,7 +21,7 @@ mean speed v along the line in each, when the first of it has passed,
 
     q = D (v_in - v_out) / (TRIED S_b)          1: it acts; 0: it does not
 
-(D, S_b: `control.brake`; v_in of the halves before and after).  A mean of q that is less than
+(D, S_b: `control.point_hold`; v_in of the halves before and after).  A mean of q that is less than
 TRIED_LEAST by TRIED_SIGMAS of its own deviations is a brake that does not act; more than that by as
 many is one that does, and then nothing is tried for TRIED_REST_S.  Where TRIED_MOST do not tell,
 the law goes on, and what was seen counts half in the next trial.
@@ -48,8 +48,8 @@ UNEVEN: Final = 0.08
 UNEVEN_SIGMAS: Final = 4.0
 MOVED: Final = 0.02  # rms of the brake, below which nothing can be estimated of it
 
-# Over three times that of `brake.OUTSIDE_S`, so that the point is reported as outside first: 14 s
-# of an end.  Within the band 5 % of turbulence come to 0.65.
+# Over three times that of `point_hold.OUTSIDE_S`, so that the point is reported as outside first:
+# 14 s of an end.  Within the band 5 % of turbulence come to 0.65.
 PRESSED_S: Final = 10.0
 PRESSED: Final = 0.75
 # Small enough to stay within the band, 4 cm in the tunnel; long enough that the lift has followed

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 from tgl_soar.control.conditions import with_uncertainty
 from tgl_soar.control.envelope import Limited, Margins
+from tgl_soar.control.envelope_margins import margins_of
+from tgl_soar.control.gain_blend import weight_step
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.margins import margins_of
+from tgl_soar.control.pitch_schedule import age_step, speed_step
 from tgl_soar.control.point import wind_with_brake
-from tgl_soar.control.schedule import age_step, speed_step
-from tgl_soar.control.scheduling import weight_step
 from tgl_soar.control.soaring import TrimState, trim_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.cross_wind import across_air, cross_wind_step, veer

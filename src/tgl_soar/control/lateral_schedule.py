@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.heading import HeadingGains
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import FASTEST, HOLD_S, SLOWEST, SPEED_MIN_MPS, slowed
+from tgl_soar.control.pitch_schedule import FASTEST, HOLD_S, SLOWEST, SPEED_MIN_MPS, slowed
 from tgl_soar.types import isfinite
 
 LATE_MIN: Final = 0.2  # of f: five times as late is no link to fly by

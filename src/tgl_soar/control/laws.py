@@ -10,7 +10,6 @@ from math import pi, radians
 from typing import Final, NamedTuple
 
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.brake import BrakeGains
 from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.forecast import ForecastParams
@@ -24,7 +23,8 @@ from tgl_soar.control.landing import (
 from tgl_soar.control.lateral_schedule import LateralSchedule, lateral_schedule_of
 from tgl_soar.control.launch import LaunchParams
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import HOLD_S, Dynamics, GainSchedule, schedule_of
+from tgl_soar.control.pitch_schedule import HOLD_S, Dynamics, GainSchedule, schedule_of
+from tgl_soar.control.point_hold import BrakeGains
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.control.throttle import ThrottleParams

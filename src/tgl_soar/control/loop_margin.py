@@ -38,7 +38,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.lateral_margin import disk_margins, sideways_flown
 from tgl_soar.control.laws import Laws, dynamics_of, laws_from
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.schedule import (
+from tgl_soar.control.pitch_schedule import (
     FIX_AGE_S,
     GRAVITY_MPS2,
     HOLD_S,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import cos, sin
 from typing import Final
 
-from tgl_soar.control.brake import Around, BrakeEffect, BrakeState, brake_effect, brake_step
 from tgl_soar.control.envelope import CLEAR_FACTOR, Limited, clearance, outside
 from tgl_soar.control.laws import Laws
-from tgl_soar.control.schedule import speed_within
+from tgl_soar.control.pitch_schedule import speed_within
+from tgl_soar.control.point_hold import Around, BrakeEffect, BrakeState, brake_effect, brake_step
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import BRAKE

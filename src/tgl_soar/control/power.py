@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import Margins
 from tgl_soar.control.escape import time_left
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.forecast import OUTSIDE, SETTLES, TOO_LOW, Forecast
 from tgl_soar.control.launch_landing import LaunchLandingState
 from tgl_soar.control.laws import Laws
+from tgl_soar.control.point_hold import BrakeEffect
 from tgl_soar.control.soaring import SoaringGains
 from tgl_soar.control.throttle import (
     ThrottleState,

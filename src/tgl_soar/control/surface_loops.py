@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from tgl_soar.control.attitude import attitude_step
-from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
+from tgl_soar.control.gain_blend import pid_between, soaring_between
 from tgl_soar.control.heading import HeadingGains, heading_step, leading_speed, sideways_step
 from tgl_soar.control.lateral_schedule import (
     heading_gains,
@@ -20,14 +20,14 @@ from tgl_soar.control.lateral_schedule import (
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
-from tgl_soar.control.schedule import (
+from tgl_soar.control.pitch_schedule import (
     ScheduledGains,
     pitch_gains,
     schedule_at_age,
     soaring_gains,
     speed_within,
 )
-from tgl_soar.control.scheduling import pid_between, soaring_between
+from tgl_soar.control.point_hold import BrakeEffect
 from tgl_soar.control.soaring import SoaringGains
 from tgl_soar.types import (
     NAN,

@@ -11,9 +11,9 @@ speed.  With ż_r the climb that regains height,
 
     p = K (ż_r − ż) + ∫ K_i (ż_r − ż) dt          within 0 and what THR_MAX gives
 
-p enters the motion along the line as the brake's sink does (`control.brake`): a first-order lag of
-λ (1 + K), λ about 6 rad/s.  With K = 1 the loop's gain is 1 at rest and less above, so that a
-motor's lag of 0.2 s more cannot make it swing.  Across the line the glide turns up by p / V: the
+p enters the motion along the line as the brake's sink does (`control.point_hold`): a first-order
+lag of λ (1 + K), λ about 6 rad/s.  With K = 1 the loop's gain is 1 at rest and less above, so that
+a motor's lag of 0.2 s more cannot make it swing.  Across the line the glide turns up by p / V: the
 pitch that holds it is known beforehand and passed on, as the brake's is.
 
 **Called** by what ends flights: no place to settle is foreseen and it sinks; the height for the way

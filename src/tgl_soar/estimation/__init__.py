@@ -4,7 +4,7 @@ Position and velocity
   motion               the estimate at the time of the tick;  motion_state: what it remembers
   position_fixes       whether a fix is accepted, and what it changes
   inertial_track       by accelerometers alone;  fix_filter: what the track is wrong by
-  force_bias           the bias of accelerometers
+  accelerometer_bias   the bias of accelerometers
   ground_range         the height by a rangefinder
 
 Attitude and air

@@ -34,9 +34,10 @@ error with each is carried along, so that no sensor weighs more than its bias al
 
 What a propeller pulls with, as far as it is known, is taken off the axial force.
 
-The accelerometers' own bias is removed beforehand, by the attitude (`estimation.force_bias`).  What
-is left is the attitude's error, g δ, along x: alpha from the force's direction is as much too high
-as the pitch, and their difference, which gives the updraft, is hardly affected.
+The accelerometers' own bias is removed beforehand, by the attitude
+(`estimation.accelerometer_bias`).  What is left is the attitude's error, g δ, along x: alpha from
+the force's direction is as much too high as the pitch, and their difference, which gives the
+updraft, is hardly affected.
 
 Excess updraft: the updraft less the sink of the glide polar at the horizontal airspeed.
 """
@@ -46,9 +47,9 @@ from __future__ import annotations
 from math import atan2, sqrt
 from typing import Final, NamedTuple
 
+from tgl_soar.estimation.accelerometer_bias import ForceAverages, averaged, begun, unbiased
 from tgl_soar.estimation.aerodynamics import lift_drag
 from tgl_soar.estimation.body_axes import BodyAxes, body_axes, body_motion, through_air
-from tgl_soar.estimation.force_bias import ForceAverages, averaged, begun, unbiased
 from tgl_soar.types import (
     NAN,
     NO_AIR,

@@ -6,18 +6,18 @@ Bytes and messages
   encoder              messages to bytes;  outbound_messages: those that pymavlink packs
   hot_frames           the messages of every tick, read and written at fixed offsets
   messages             every MAVLink message that is used, as a named tuple
-  signing, keys        MAVLink 2 signing;  the key file and its timestamp
-  routes               several links: who is on which, and what is lost
+  signing              MAVLink 2 signing;  signing_keys: the key file and its timestamp
+  routing              several links: who is on which, and what is lost
 
 The autopilot
   session              the conversation: what it sends is handed to what uses it
   autopilots/          one file for each firmware: routes, modes, time-outs, requirements
   vehicle/             its status and samples, and the rates at which they are requested
-  streams              requesting messages at a rate, until they come
-  sensing              sensor messages in SI units;  sensor_clock: when a sample was taken
+  stream_requests      requesting messages at a rate, until they come
+  sensor_units         sensor messages in SI units;  sensor_clock: when a sample was taken
   clock, timesync      its clock against ours;  the round trip, and queues on the link
   mode_change          into the mode of a route and back;  mission: its own landing
-  inquiry              its set-up, read before an engagement
+  autopilot_setup_check    its set-up, read before an engagement
   checks/              `tgl-soar preflight` and `tgl-soar surfaces`
 
 Position

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from tgl_soar.link.inquiry import ASK_S, ASK_TIMES
+from tgl_soar.link.autopilot_setup_check import ASK_S, ASK_TIMES
 from tgl_soar.link.messages import (
     COMMAND_DO_LAND_START,
     COMMAND_NAV_LAND,

@@ -4,7 +4,7 @@
 requests that are due to the server's command port (`natnet.server`).
 
 A fix is a tracked pose of the site's rigid body, in local NED, at the middle of its exposure.
-What is no measurement is counted and not used, and each kind is reported (`natnet.ledger`):
+What is no measurement is counted and not used, and each kind is reported (`natnet.diagnostics`):
 
     foreign       of another server than ours
     truncated, oversized, malformed    cannot be read
@@ -28,9 +28,9 @@ from typing import Final, Protocol
 from tgl_soar.link.messages import SEVERITY_WARNING
 from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.clock import ServerClock
+from tgl_soar.link.natnet.diagnostics import OptitrackCounters, OptitrackLedger, OutageNotices
 from tgl_soar.link.natnet.frame_times import FrameTimes
 from tgl_soar.link.natnet.layout import Malformed, RigidBody, ServerInfo
-from tgl_soar.link.natnet.ledger import OptitrackCounters, OptitrackLedger, OutageNotices
 from tgl_soar.link.natnet.pose_filter import PoseFilter
 from tgl_soar.link.natnet.server import Address, MulticastStream, NatNetServer
 from tgl_soar.link.natnet.settings import OptitrackSettings

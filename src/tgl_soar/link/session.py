@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Final, NamedTuple
 
+from tgl_soar.link.autopilot_setup_check import SetupInquiry
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.autopilots.requirements import Needs
-from tgl_soar.link.inquiry import SetupInquiry
 from tgl_soar.link.messages import (
     COMMAND_SET_MESSAGE_INTERVAL,
     COMPONENT_AUTOPILOT,
@@ -51,12 +51,12 @@ from tgl_soar.link.messages import (
 from tgl_soar.link.mission import MissionReading
 from tgl_soar.link.presence import Presence
 from tgl_soar.link.sources import PositionSources
-from tgl_soar.link.streams import StreamRequests
+from tgl_soar.link.stream_requests import StreamRequests
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.timesync import RoundTrip
-from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
-from tgl_soar.link.vehicle.gnss_receiver import GnssAccuracy
-from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
+from tgl_soar.link.vehicle.diagnostics import Ledger, SessionCounters
+from tgl_soar.link.vehicle.estimator_status import EstimatorAids
+from tgl_soar.link.vehicle.gnss_accuracy import GnssAccuracy
 from tgl_soar.link.vehicle.message_rates import MessageRates
 from tgl_soar.link.vehicle.position_samples import PositionSamples
 from tgl_soar.link.vehicle.sample_times import SampleTimes

@@ -32,10 +32,10 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.gnss_watch import GnssWatch
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.station_watch import StationWatch
-from tgl_soar.onboard.surfaces import SurfaceControl
+from tgl_soar.onboard.surface_control import SurfaceControl
 
 ENGAGED: Final = 2.0  # OP_ENGAGE of a module that is in control
 SHOW_ENGAGED_S: Final = 1.0

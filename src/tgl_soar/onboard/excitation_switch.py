@@ -14,7 +14,7 @@ from tgl_soar.control.excitation import (
     ExcitationState,
 )
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
 

@@ -43,7 +43,7 @@ from tgl_soar.link.mission import MissionLanding, landings_of
 from tgl_soar.link.mode_change import ANSWER_S, TRIES
 from tgl_soar.link.session import Session
 from tgl_soar.link.tangent_plane import Home, TangentPlane
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
 

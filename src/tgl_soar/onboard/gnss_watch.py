@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
-from tgl_soar.link.vehicle.gnss_receiver import GnssAccuracy
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.link.vehicle.gnss_accuracy import GnssAccuracy
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
 BETTER: Final = 0.8  # of the limit: accurate enough again; a report at the limit is reported once

@@ -15,7 +15,7 @@ from tgl_soar.control.landing import BREAK, SOAR_ON, STAY
 from tgl_soar.control.launch import is_in_no_hand
 from tgl_soar.control.supervisor import LAUNCHING, goes_home, is_flying
 from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
 # The height left is reported as it falls through these, once each until there is more again.

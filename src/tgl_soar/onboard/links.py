@@ -9,12 +9,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from tgl_soar.link.routes import Route, Send
+from tgl_soar.link.routing import Route, Send
 from tgl_soar.link.session import Session
 from tgl_soar.link.signing import Signing
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import LinkReport, Recorder
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.pacing import TickCounters
 from tgl_soar.onboard.setup import ModuleSetup, known_systems
 

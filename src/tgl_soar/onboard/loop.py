@@ -4,8 +4,8 @@ All that is done between two ticks is here or called from here; `process` opens 
 it and hands the surfaces over after it.
 
 The link to the autopilot goes first, and its tick with it; other links are read in the time that
-is left, each only so far as `link.routes` lets it between two ticks.  What else they bring waits in
-the kernel, wakes nobody, and is dropped there if it is too much.
+is left, each only so far as `link.routing` lets it between two ticks.  What else they bring waits
+in the kernel, wakes nobody, and is dropped there if it is too much.
 """
 
 from __future__ import annotations

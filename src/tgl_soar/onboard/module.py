@@ -46,24 +46,24 @@ from tgl_soar.link.messages import (
     VfrHud,
     VisionPositionEstimate,
 )
-from tgl_soar.link.routes import Route
+from tgl_soar.link.routing import Route
 from tgl_soar.link.signing import Signing
 from tgl_soar.link.telemetry import Telemetry
 from tgl_soar.onboard.clocking import NO_TICK, RESTART, Clocking
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.engage_switch import EngageSwitch
+from tgl_soar.onboard.external_positions import OutsidePositions
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard.instruments import HELD_BACK, Panel
 from tgl_soar.onboard.links import ModuleLinks
 from tgl_soar.onboard.operators import Operators
-from tgl_soar.onboard.outbound import Outbox
-from tgl_soar.onboard.positions import OutsidePositions
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.reports import Reports, mode_words, start_faults
 from tgl_soar.onboard.search_switch import SearchEngine
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup, session_of
-from tgl_soar.onboard.surfaces import SurfaceControl
+from tgl_soar.onboard.surface_control import SurfaceControl
 from tgl_soar.onboard.switches import Switches
+from tgl_soar.onboard.telemetry_values import HELD_BACK, Panel
 from tgl_soar.onboard.warm_up import WarmUps
 from tgl_soar.types import NAN, Inputs
 

@@ -28,14 +28,14 @@ from tgl_soar.link.messages import (
     SetupSigning,
     Source,
 )
-from tgl_soar.link.routes import Route
+from tgl_soar.link.routing import Route
 from tgl_soar.link.signing import KEY_BYTES, Signing
 from tgl_soar.link.telemetry import Budget
 from tgl_soar.onboard.engage_switch import ENGAGED, EngageSwitch
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
-from tgl_soar.onboard.surfaces import SurfaceControl
+from tgl_soar.onboard.surface_control import SurfaceControl
 from tgl_soar.onboard.switches import Switches
 
 ABSENT_S: Final = 5.0  # a station that was silent for longer may have missed a change

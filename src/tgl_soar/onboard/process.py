@@ -36,12 +36,6 @@ from tgl_soar.config.parameter_store import (
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
-from tgl_soar.link.keys import (
-    SigningError,
-    keep_timestamp,
-    save_key,
-    signing_from,
-)
 from tgl_soar.link.messages import (
     SEVERITY_ERROR,
     SEVERITY_NOTICE,
@@ -49,9 +43,15 @@ from tgl_soar.link.messages import (
 )
 from tgl_soar.link.natnet.sockets import NatNetError, NatNetNotReadyError
 from tgl_soar.link.signing import Signing
+from tgl_soar.link.signing_keys import (
+    SigningError,
+    keep_timestamp,
+    save_key,
+    signing_from,
+)
 from tgl_soar.link.transport import baud_of, is_open
 from tgl_soar.link.transports.base import LinkError, LinkNotReadyError, Transport
-from tgl_soar.onboard import line_load, loop, native, realtime, watchdog
+from tgl_soar.onboard import link_load, loop, native, realtime, watchdog
 from tgl_soar.onboard.command_line import RunOptions, options_of
 from tgl_soar.onboard.console import say
 from tgl_soar.onboard.flightlog.declaration import VERSION
@@ -60,9 +60,9 @@ from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import Onboard
-from tgl_soar.onboard.search_beside import SearchBeside, SearchHere
+from tgl_soar.onboard.search_process import SearchBeside, SearchHere
 from tgl_soar.onboard.setup import ModuleSetup, bounds_of, setup_from
-from tgl_soar.onboard.stand_in import hand_over, open_for
+from tgl_soar.onboard.watchdog_release import hand_over, open_for
 
 EXIT_OK: Final = 0
 EXIT_ERROR: Final = 1
@@ -198,7 +198,7 @@ def _too_slow(plan: RunPlan) -> list[tuple[int, str]]:
     baud = baud_of(plan.options.links[0])
     if baud is None or plan.options.lockstep:
         return []
-    load = line_load.load_of(plan.setup, signed=plan.options.secret.key_file is not None)
+    load = link_load.load_of(plan.setup, signed=plan.options.secret.key_file is not None)
     refusal = load.refusal(baud)
     return [(SEVERITY_WARNING, refusal)] if refusal else []
 

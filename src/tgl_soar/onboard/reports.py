@@ -8,8 +8,8 @@ from typing import Final
 from tgl_soar import autopilot
 from tgl_soar.config.parameter_store import ParameterStore
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.brake import HOLDS, LINE_ONLY, POINT_TEXTS, RESTS
 from tgl_soar.control.forecast import SETTLES, UNKNOWN, forecast_words
+from tgl_soar.control.point_hold import HOLDS, LINE_ONLY, POINT_TEXTS, RESTS
 from tgl_soar.control.supervisor import FAILED, HOLDING, REASON_NOWHERE, RECOVERING, RELEASED
 from tgl_soar.control.throttle import CALLED_TEXTS, CLOSED, NOT_CALLED, OFF, OPEN, USED_UP
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
@@ -18,10 +18,10 @@ from tgl_soar.link.signing import Signing
 from tgl_soar.onboard.clocking import Clocking
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder
-from tgl_soar.onboard.instruments import Panel
 from tgl_soar.onboard.links import ModuleLinks
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
+from tgl_soar.onboard.telemetry_values import Panel
 
 LOAD_REPORT_S: Final = 10.0  # between two words about the same
 FEWEST_REPORTED: Final = 10  # late ticks, or commands left out; fewer are not worth a word

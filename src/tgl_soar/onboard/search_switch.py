@@ -1,6 +1,6 @@
 """SRCH_START, the switch of the search for lift: what is reported to it, and what it may do.
 
-The map and its rollouts are beside the tick (`search_beside`).  What the tick knows is reported to
+The map and its rollouts are beside the tick (`search_process`).  What the tick knows is reported to
 them every `LOOK_S`, and what they answer is a line.  It is taken as an operator's: within fence and
 clearance, in the parameters that everybody sees, and it slides at TGL_SLEW.  Two things are not
 asked: the contour of the site, which is of another day's wind, and TGL_STEP_MAX, which guards
@@ -44,7 +44,7 @@ from tgl_soar.control.target_line import TargetLine, e_rho, eta_from_lean
 from tgl_soar.control.throttle import can_hold
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.line_moves import is_moved, open_fence
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup, bounds_of
 from tgl_soar.types import NAN, VehicleState

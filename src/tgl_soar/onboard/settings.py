@@ -15,7 +15,7 @@ from tgl_soar.link.parameters import ParameterServer
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.pacing import Pacer
 from tgl_soar.onboard.setup import ModuleSetup, bounds_of, laws_of
 

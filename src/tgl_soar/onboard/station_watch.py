@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 
 STAY: Final = 0.0  # values of OP_GCS_LOSS

@@ -37,7 +37,7 @@ from tgl_soar.control.survey import (
 from tgl_soar.control.target_line import LineTracking, TargetLine
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.line_moves import is_moved, open_fence
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup, bounds_of
 

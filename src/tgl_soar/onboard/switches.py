@@ -8,7 +8,7 @@ from tgl_soar.link.session import Session
 from tgl_soar.onboard.excitation_switch import ExcitationSwitch
 from tgl_soar.onboard.firmware_landing import FirmwareLanding
 from tgl_soar.onboard.launch_landing_switch import LaunchLandingSwitch
-from tgl_soar.onboard.outbound import Outbox
+from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.search_switch import SearchEngine, SearchSwitch
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup

@@ -14,8 +14,8 @@ from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import Source
-from tgl_soar.onboard.outbound import frame_of
-from tgl_soar.onboard.surfaces import is_finite_command
+from tgl_soar.onboard.outbox import frame_of
+from tgl_soar.onboard.surface_control import is_finite_command
 from tgl_soar.types import Inputs
 
 PIECE_BYTES: Final = 512  # more than a tick usually receives is not gone through

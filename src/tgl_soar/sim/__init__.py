@@ -1,22 +1,22 @@
 """The simulated world: aircraft, sensors, servos, a Pixhawk that speaks MAVLink.
 
 The world and what is in it
-  world                air, aircraft, servos, sensors as one object;  stepping: one step of it
+  world                air, aircraft, servos, sensors as one object;  world_step: one step of it
   aircraft, point_mass two aircraft;  flown_aircraft: what any must have;  propeller, tether, throw
-  servos, white        surfaces' servos;  all that is random
+  servos, white_noise  surfaces' servos;  all that is random
   sensors, sensing     rates, delays, noise of each;  what they measure in one flight
   faults, injection    every fault, declared;  faults at work
   truth_log            what really happened
 
 Flights in one process
   flight               one flight, a pure function;  closed_loop: the same on a `World`
-  fast_flight          compiled;  watched_flight: looked at now and then;  commanded_flight: gym's
+  compiled_flight      compiled;  watched_flight: looked at now and then;  commanded_flight: gym's
   campaign/            many flights on many processors;  score: what a flight was worth
   glide_test           a gliding test flight
 
 Compiling them (numba)
   compiled             the kernels, of which modules;  kernel_cache: on disk
-  known_air            the air as data;  lines_ahead: rollouts;  cells, inner_code: for numba alone
+  compiled_air         the air as data;  lines_ahead: rollouts;  cells, inner_code: for numba alone
 
 Flights between processes
   simulation           world, Pixhawk, pilot and faults together, without sockets

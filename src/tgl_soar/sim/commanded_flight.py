@@ -19,15 +19,15 @@ from typing import Final, NamedTuple
 from tgl_soar.air.field import FloatArray
 from tgl_soar.autopilot import Output
 from tgl_soar.autopilot import step as autopilot_step
-from tgl_soar.control.brake import BrakeEffect
 from tgl_soar.control.envelope import limit_surfaces, pitch_within
 from tgl_soar.control.estimates import EstimatorMemory
 from tgl_soar.control.laws import Laws
+from tgl_soar.control.point_hold import BrakeEffect
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.surface_loops import LoopsState, surface_gains, surfaces_step
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.sim.flight import CRASHED, FLIES, HANDED_OVER, Flight, inputs_at, row_of
-from tgl_soar.sim.stepping import Cell, Parts, world_step
+from tgl_soar.sim.world_step import Cell, Parts, world_step
 from tgl_soar.types import NO_SETPOINTS, Inputs, Setpoints, SurfaceCommand
 
 LINE: Final = 0

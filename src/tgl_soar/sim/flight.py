@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 from tgl_soar.air.field import FloatArray
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.autopilot import step as autopilot_step
-from tgl_soar.control.brake import PointReport
 from tgl_soar.control.laws import Laws
+from tgl_soar.control.point_hold import PointReport
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.target_line import e_rho
 from tgl_soar.control.throttle import ThrottleReport
@@ -21,7 +21,7 @@ from tgl_soar.estimation.ground_range import GroundRange
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import AircraftState, Wind, air_data
 from tgl_soar.sim.sensing import Samples
-from tgl_soar.sim.stepping import Cell, Parts, WorldNow, world_step
+from tgl_soar.sim.world_step import Cell, Parts, WorldNow, world_step
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 
 HELD_S: Final = 0.2  # the aircraft is held until the sensors have spoken and the module has it
@@ -69,7 +69,7 @@ class Row(NamedTuple):
     forecast_excess_mps: float
     forecast_slope_per_s: float
     brake: float  # commanded, 0 … 1
-    point: float  # how it stands, as control.brake numbers it
+    point: float  # how it stands, as control.point_hold numbers it
     point_off_m: float  # along the line, as the law sees it; NaN: no point is held
     height_left_m: float  # that the glide to the landing place would leave; NaN: not known
     throttle: float  # that a propeller is commanded, 0 … 1

@@ -1,8 +1,9 @@
 """The sensors in one flight: when each measures, with which noise, and when that arrives.
 
-A sensor is its figures (`sim.sensors`), the numbers that are random in one flight (`sim.white`;
-one stream for each sensor, so that a flight with one sensor more is otherwise the same flight)
-and its delay line, the only thing that changes.  Plain Python and numba take the same functions.
+A sensor is its figures (`sim.sensors`), the numbers that are random in one flight
+(`sim.white_noise`; one stream for each sensor, so that a flight with one sensor more is otherwise
+the same flight) and its delay line, the only thing that changes.  Plain Python and numba take the
+same functions.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from tgl_soar.sim.sensors import (
     sensor_timing,
 )
 from tgl_soar.sim.tether import NO_PULL
-from tgl_soar.sim.white import Row, Rows, White, with_drift
+from tgl_soar.sim.white_noise import Row, Rows, White, with_drift
 from tgl_soar.types import (
     NAN,
     NO_AIRSPEED,

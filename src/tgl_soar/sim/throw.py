@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.sim.aircraft import AircraftState
-from tgl_soar.sim.stepping import WorldNow, world_step
 from tgl_soar.sim.world import World
+from tgl_soar.sim.world_step import WorldNow, world_step
 from tgl_soar.types import SurfaceCommand
 
 PUSH_S: Final = 0.25  # an arm swings through 0.6 m

@@ -12,7 +12,7 @@ from tgl_soar.control.laws import Laws
 from tgl_soar.control.target_line import LineTracking
 from tgl_soar.sim.aircraft import AircraftState
 from tgl_soar.sim.flight import Flight, fly_to_look
-from tgl_soar.sim.stepping import Cell, Parts
+from tgl_soar.sim.world_step import Cell, Parts
 from tgl_soar.types import VehicleState
 
 

@@ -1,6 +1,6 @@
 """The world as an object: air, turbulence, aircraft, servos and sensors, stepped together.
 
-Its step is `sim.stepping`'s, which compiled flights share; here it meets a site file, a wind
+Its step is `sim.world_step`'s, which compiled flights share; here it meets a site file, a wind
 field of any kind, and whoever holds the aircraft or puts it back to the start.  The air changes
 at the same steps as the rest:
 
@@ -66,7 +66,15 @@ from tgl_soar.sim.point_mass import PointMass, point_mass, polar_misfit
 from tgl_soar.sim.sensing import NO_SAMPLES, flown_sensors
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import ServoParams, servo_params, servo_start
-from tgl_soar.sim.stepping import (
+from tgl_soar.sim.tether import NO_TETHER, TetherParams, tether_params
+from tgl_soar.sim.white_noise import (
+    NO_ROWS,
+    Rows,
+    drawn_as_needed,
+    roll_gusts_as_needed,
+    turbulence_as_needed,
+)
+from tgl_soar.sim.world_step import (
     FieldAir,
     FlownTurbulence,
     Parts,
@@ -74,14 +82,6 @@ from tgl_soar.sim.stepping import (
     local_wind,
     world_begun,
     world_step,
-)
-from tgl_soar.sim.tether import NO_TETHER, TetherParams, tether_params
-from tgl_soar.sim.white import (
-    NO_ROWS,
-    Rows,
-    drawn_as_needed,
-    roll_gusts_as_needed,
-    turbulence_as_needed,
 )
 from tgl_soar.types import (
     NO_AERODYNAMICS,

@@ -30,10 +30,10 @@ from tgl_soar.analysis.experiments.flights import (
 from tgl_soar.analysis.experiments.lift.survey import SurveyedOnce, SurveyJob
 from tgl_soar.analysis.experiments.loop.margin_tables import REFUSED_LEANS_DEG, RefusedFound
 from tgl_soar.analysis.experiments.scenario import prepare
-from tgl_soar.analysis.survey.drawn import DrawnContour
-from tgl_soar.analysis.survey.flying import SurveyFlight
+from tgl_soar.analysis.survey.contour_fit import DrawnContour
+from tgl_soar.analysis.survey.survey_flight import SurveyFlight
 from tgl_soar.analysis.tuning.demands import SETS
-from tgl_soar.control.brake import HOLDS
+from tgl_soar.control.point_hold import HOLDS
 from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, MODE_NAMES, SOARING
 from tgl_soar.sim.closed_loop import Trajectory
 from tgl_soar.sim.flight import Row

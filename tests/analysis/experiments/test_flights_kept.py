@@ -15,7 +15,7 @@ from tgl_soar.analysis.experiments.aircraft.dispersed import LinearMargin
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates import estimator_flights, wind_estimate
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer, ScenarioJob
-from tgl_soar.analysis.experiments.lift import nowhere, powered_search, search
+from tgl_soar.analysis.experiments.lift import nowhere, search, throttle
 from tgl_soar.analysis.experiments.result import Result
 from tgl_soar.analysis.experiments.scenario import load_scenario
 from tgl_soar.cli import experiment
@@ -39,7 +39,7 @@ from tgl_soar.sim.campaign.rows import columns_of
         identification.examine,
         search.fly_search,
         nowhere.fly_line,
-        powered_search.fly_powered,
+        throttle.fly_powered,
         wind_estimate.look_on,
         dispersed.margin_of,
         dispersed._fly,

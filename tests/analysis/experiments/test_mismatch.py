@@ -20,11 +20,11 @@ from tgl_soar.analysis.experiments.aircraft import identification
 from tgl_soar.analysis.experiments.aircraft.identification import GlideJob
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer, ScenarioJob, fly_job
-from tgl_soar.analysis.experiments.lift import nowhere, powered_search, search, survey
+from tgl_soar.analysis.experiments.lift import nowhere, search, survey, throttle
 from tgl_soar.analysis.experiments.lift.nowhere import LineJob
-from tgl_soar.analysis.experiments.lift.powered_search import PoweredJob
 from tgl_soar.analysis.experiments.lift.search import SearchJob
 from tgl_soar.analysis.experiments.lift.survey import SurveyJob
+from tgl_soar.analysis.experiments.lift.throttle import PoweredJob
 from tgl_soar.analysis.experiments.mismatch import (
     AS_FILED,
     RANGES,
@@ -36,14 +36,14 @@ from tgl_soar.analysis.experiments.mismatch import (
     mismatched_sensors,
     mismatched_site,
 )
-from tgl_soar.analysis.experiments.outdoors import outdoors, rangefinder, satellites, windy_hour
+from tgl_soar.analysis.experiments.outdoors import hour, outdoors, rangefinder, satellites
+from tgl_soar.analysis.experiments.outdoors.hour import HourJob
 from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob
 from tgl_soar.analysis.experiments.outdoors.rangefinder import RangeJob
 from tgl_soar.analysis.experiments.outdoors.satellites import SatelliteJob
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
-from tgl_soar.analysis.experiments.outdoors.windy_hour import HourJob
 from tgl_soar.analysis.flown_airframe import flown_airframe
-from tgl_soar.analysis.search import flying
+from tgl_soar.analysis.search import episode
 from tgl_soar.config.files import ConfigError, load_airframe, load_site, shipped
 from tgl_soar.sim.aircraft import AircraftModel, aircraft_model
 from tgl_soar.sim.injection import Injection
@@ -274,20 +274,20 @@ FLOWN: dict[str, tuple[Any, Callable[[bool], Any], str]] = {
         lambda d: rangefinder.fly_range(RangeJob(rangefinder.RECEIVER, 3, d)),
         HILL,
     ),
-    "hour": (windy_hour, lambda d: windy_hour.fly_hour(HourJob(8.0, 3, 60.0, d)), HILL),
+    "hour": (hour, lambda d: hour.fly_hour(HourJob(8.0, 3, 60.0, d)), HILL),
     "survey": (survey, lambda d: survey.fly_once(SurveyJob(0.01, 0.06, 3, d)), ""),
     "search": (
-        flying,
+        episode,
         lambda d: search.fly_search(SearchJob("hill", 3, search.MAP, d)),
         SEARCH,
     ),
     "throttle": (
-        flying,
-        lambda d: powered_search.fly_powered(PoweredJob("hill", 3, powered_search.WITH, d)),
+        episode,
+        lambda d: throttle.fly_powered(PoweredJob("hill", 3, throttle.WITH, d)),
         SEARCH,
     ),
     "nowhere": (
-        flying,
+        episode,
         lambda d: nowhere.fly_line(
             LineJob(kind="tunnel", seed=3001, settles=True, act=2, dispersed=d)
         ),
@@ -327,7 +327,7 @@ def test_a_test_flight_is_held_against_the_aircraft_that_flew() -> None:
 
 def test_what_can_be_soared_of_an_hour_is_by_the_polar_of_what_flies() -> None:
     values = shipped_hill().on_line("a").values
-    own, other = (windy_hour.hill_of(HourJob(8.0, 3, 60.0, d), values) for d in (False, True))
+    own, other = (hour.hill_of(HourJob(8.0, 3, 60.0, d), values) for d in (False, True))
     assert own.polar == shipped_hill().airframe.polar.as_polar()
     drag = drawn_mismatch(3).drag
     # All of the drag is drawn by one factor; 3 % is what a cubic and another trim differ by.

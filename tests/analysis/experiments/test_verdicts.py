@@ -44,14 +44,14 @@ from tgl_soar.analysis.experiments.paper.changing_air import (
     wind_claims,
     wind_why,
 )
-from tgl_soar.analysis.experiments.paper.gust_response import WindEffect, sensitivity_claims
-from tgl_soar.analysis.experiments.paper.hill_positions import (
+from tgl_soar.analysis.experiments.paper.field import (
     POLAR,
     RADIUS_M,
     WIND_MPS,
     claims_of,
     positions,
 )
+from tgl_soar.analysis.experiments.paper.gust_response import WindEffect, sensitivity_claims
 from tgl_soar.analysis.experiments.paper.line_lean import (
     HELD_M,
     ONE_SET,

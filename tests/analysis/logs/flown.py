@@ -35,7 +35,7 @@ from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
-from tgl_soar.onboard.instruments import FAST, fast_value
+from tgl_soar.onboard.telemetry_values import FAST, fast_value
 from tgl_soar.sim.world import Truth, make_world
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 

@@ -19,9 +19,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.analysis.logs import tlog
 from tgl_soar.analysis.logs.clocks import Straightened
 from tgl_soar.analysis.logs.flight_data import FlightData
-from tgl_soar.analysis.logs.reader import LogError, read_log
-from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.logs.tlog import _split
+from tgl_soar.analysis.logs.ulog_reader import LogError, read_log
 
 Write = Callable[[Path], Path]
 WRITERS: dict[str, Write] = {

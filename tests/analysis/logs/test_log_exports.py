@@ -14,7 +14,7 @@ from logged_flight import recorded
 from mcap.reader import make_reader
 
 from tgl_soar.analysis.logs.export import FORMATS, to_csv, to_mcap, to_netcdf
-from tgl_soar.analysis.logs.reader import FlightLog, read_log
+from tgl_soar.analysis.logs.ulog_reader import FlightLog, read_log
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from tgl_soar.analysis.experiments.aircraft.identification import true_effect, t
 from tgl_soar.analysis.identification import identify
 from tgl_soar.analysis.logs.flight_data import FlightData, steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
-from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.config.files import load_airframe
 from tgl_soar.estimation.polar import fit_polar, sink_band
 from tgl_soar.sim.aircraft import glide_at

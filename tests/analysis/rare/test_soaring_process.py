@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("numba")
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
-from tgl_soar.analysis.rare import soaring
-from tgl_soar.analysis.rare.soaring import (
+from tgl_soar.analysis.rare import soaring_process
+from tgl_soar.analysis.rare.soaring_process import (
     AHEAD_S,
     EDGE,
     SHOWN,
@@ -22,7 +22,7 @@ from tgl_soar.analysis.rare.soaring import (
     SoaringProcess,
 )
 from tgl_soar.analysis.rare.splitting import Passage
-from tgl_soar.sim import fast_flight
+from tgl_soar.sim import compiled_flight
 from tgl_soar.sim.flight import CRASHED, Row
 
 HALF_S = 0.5
@@ -31,7 +31,7 @@ HALF_S = 0.5
 @pytest.fixture(autouse=True)
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiling would take longer than these flights."""
-    monkeypatch.setattr(fast_flight, "compiled", lambda function: function)
+    monkeypatch.setattr(compiled_flight, "compiled", lambda function: function)
 
 
 @lru_cache(maxsize=1)
@@ -70,9 +70,9 @@ def end_of(passage: Passage) -> tuple[float, ...]:
 
 def test_it_goes_on_as_if_nothing_had_been() -> None:
     ours = process()
-    parts, flight = fast_flight.begun(ours.prepared, 1)
+    parts, flight = compiled_flight.begun(ours.prepared, 1)
     rows = np.empty((ours.prepared.ticks, len(Row._fields)))
-    whole = fast_flight.fly_on(parts, ours.laws, flight, ours.prepared.ticks, 0, rows)
+    whole = compiled_flight.fly_on(parts, ours.laws, flight, ours.prepared.ticks, 0, rows)
     on = one_look(halfway().state, 1)
     assert on.state.flight.steps == whole.steps == ours.prepared.ticks
     assert tuple(whole.world.aircraft) == end_of(on)
@@ -85,8 +85,8 @@ def test_with_other_noise_it_goes_another_way_from_the_same_place() -> None:
     one, again, other = (end_of(one_look(state, seed)) for seed in (5, 5, 6))
     assert one == again
     assert one != other
-    own = fast_flight.continued(ours.prepared, 1, state.lines, 1)
-    changed = fast_flight.continued(ours.prepared, 1, state.lines, 5)
+    own = compiled_flight.continued(ours.prepared, 1, state.lines, 1)
+    changed = compiled_flight.continued(ours.prepared, 1, state.lines, 5)
     assert changed.sensors.attitude.bias_rad == own.sensors.attitude.bias_rad
     assert list(changed.turbulence.white[0]) != list(own.turbulence.white[0])
     assert list(changed.sensors.attitude.white[0]) != list(own.sensors.attitude.white[0])
@@ -145,7 +145,7 @@ def test_a_loss_keeps_its_cause_on_all_rungs_that_are_left(monkeypatch: pytest.M
         rows[: ours._look, 0] = 1.0
         return flight._replace(steps=min(until, ours._look - 1), standing=CRASHED)
 
-    monkeypatch.setattr(soaring, "fly_on", handed_over)
+    monkeypatch.setattr(soaring_process, "fly_on", handed_over)
     first = ours.passage(ours.begun(1), 2, 0.5)
     assert first.cause
     assert first.state.margin == 0.0
@@ -169,13 +169,13 @@ def test_a_dispersed_flight_has_an_aircraft_of_its_own_all_along() -> None:
 
     def watched(parts: Any, *rest: Any) -> Any:
         flown.append(parts.model)
-        return fast_flight.fly_on(parts, *rest)
+        return compiled_flight.fly_on(parts, *rest)
 
     patch = pytest.MonkeyPatch()
     with patch.context() as patched:
-        patched.setattr(soaring, "fly_on", watched)
+        patched.setattr(soaring_process, "fly_on", watched)
         ours.passage(state._replace(margin=inf), 99, 1e9)
-    begun, _ = fast_flight.begun(ours._prepared(1), 1)
+    begun, _ = compiled_flight.begun(ours._prepared(1), 1)
     assert flown[0] == begun.model
 
 

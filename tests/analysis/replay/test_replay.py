@@ -19,7 +19,7 @@ from logged_flight import AIRFRAME, METADATA, SITE, LoggedFlight, logs_in, recor
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
-from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
+from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError, read_log
 from tgl_soar.analysis.replay import compiled_ticks as compiled_ticks_module
 from tgl_soar.analysis.replay.compiled_ticks import plain_ticks
 from tgl_soar.analysis.replay.logged import Replay, ReplayError, read_by_laws, replay
@@ -29,8 +29,8 @@ from tgl_soar.autopilot import AutopilotState, initial_state, step
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet
-from tgl_soar.control.brake import HOLDS
 from tgl_soar.control.laws import Laws
+from tgl_soar.control.point_hold import HOLDS
 from tgl_soar.onboard.flightlog.declaration import (
     TOPICS,
     flattener,

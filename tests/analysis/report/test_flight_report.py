@@ -16,8 +16,9 @@ import pytest
 
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.logs.flight_data import Event, FlightData, LoggedMode, Series
-from tgl_soar.analysis.logs.reading import read_flight
-from tgl_soar.analysis.report.flight_figures import (
+from tgl_soar.analysis.logs.open_log import read_flight
+from tgl_soar.analysis.report.flight_page import Analysis, analysed, write_page
+from tgl_soar.analysis.report.flight_report_figures import (
     Surroundings,
     history_figure,
     lateral_panels,
@@ -25,7 +26,6 @@ from tgl_soar.analysis.report.flight_figures import (
     plane_figure,
     thinned,
 )
-from tgl_soar.analysis.report.flight_page import Analysis, analysed, write_page
 from tgl_soar.analysis.report.legs import legs_of, mean_sigma, stands
 from tgl_soar.analysis.report.spectra import spectrum_of
 from tgl_soar.analysis.report.streams import streams_of

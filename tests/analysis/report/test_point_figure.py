@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tgl_soar.analysis.logs.flight_data import FlightData, Series
-from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.report.point_figure import SETTLED_S, held_rows, point_figure, point_words
-from tgl_soar.control.brake import DEAD, HOLDS, LINE_ONLY
+from tgl_soar.control.point_hold import DEAD, HOLDS, LINE_ONLY
 
 
 def held(off_m: float = 0.02, end: int = HOLDS) -> FlightData:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.analysis.logs.flight_data import FlightData, Series
-from tgl_soar.analysis.report.flight_figures import health_panels, history_figure
+from tgl_soar.analysis.report.flight_report_figures import health_panels, history_figure
 from tgl_soar.analysis.report.smooth_map import beyond_the_edge, draw_smooth_map, known_fraction
 
 mpl.use("Agg")

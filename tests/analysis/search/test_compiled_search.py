@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.analysis.search.compiled_rollouts import fastest_roll_out, roll_out_compiled
-from tgl_soar.analysis.search.flying import Episode, fly_episode
+from tgl_soar.analysis.search.episode import Episode, fly_episode
 from tgl_soar.analysis.search.places import place
 from tgl_soar.analysis.search.searchers import searcher
 from tgl_soar.config.files import load_airframe, shipped

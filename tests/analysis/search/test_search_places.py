@@ -18,7 +18,7 @@ from tgl_soar.analysis.search.places import (
     ellipse_wind,
     place,
 )
-from tgl_soar.sim.white import roll_gusts_before, turbulence_before
+from tgl_soar.sim.white_noise import roll_gusts_before, turbulence_before
 
 SEEDS = 4000
 STEPS = 200  # a second

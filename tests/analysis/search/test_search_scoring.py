@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from tgl_soar.analysis.search.flying import Episode
+from tgl_soar.analysis.search.episode import Episode
 from tgl_soar.analysis.search.places import place
 from tgl_soar.analysis.search.scoring import Score, fraction_text, interval, score, settling_s
 

@@ -7,7 +7,7 @@ from math import isfinite, radians
 import pytest
 
 from tgl_soar.analysis.experiments.lift.search import MAP
-from tgl_soar.analysis.search.flying import fly_episode
+from tgl_soar.analysis.search.episode import fly_episode
 from tgl_soar.analysis.search.places import place
 from tgl_soar.analysis.search.scoring import Score, score
 from tgl_soar.analysis.search.searchers import (

@@ -25,7 +25,7 @@ from tgl_soar.analysis.tuning.demands import (
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.schedule import pitch_gains, soaring_gains
+from tgl_soar.control.pitch_schedule import pitch_gains, soaring_gains
 from tgl_soar.control.target_line import eta_from_lean
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")

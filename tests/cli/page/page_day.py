@@ -17,8 +17,8 @@ from page_flight import AIRFRAME, SITE, TOKEN, Flown
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.cli.page.broadcast import FRAMES_PER_S, STALLED_S
+from tgl_soar.cli.page.browser_requests import Look, Move, SetParameter
 from tgl_soar.cli.page.desk import Desk
-from tgl_soar.cli.page.hands import Look, Move, SetParameter
 from tgl_soar.cli.page.scene import place_of
 from tgl_soar.cli.page.station import Station
 from tgl_soar.config.files import load_airframe, load_parameters, load_site

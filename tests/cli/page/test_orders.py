@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 from page_flight import RELEASED, SOARING, Flown
 
-from tgl_soar.cli.page.ghost import GhostLine
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, WAITING, Done, Orders
+from tgl_soar.cli.page.settling_preview import GhostLine
 from tgl_soar.cli.page.station import Station, without_others
 
 A, B, C = GhostLine(0.20, 1.15, 15.0), GhostLine(0.60, 1.60, 15.0), GhostLine(1.05, 2.00, 15.0)

@@ -122,7 +122,7 @@ def test_the_line_is_dragged_and_the_aircraft_settles_at_the_ghost(
         )
     )
     x, z = flying.flown.place
-    assert hypot(x - ghost["place"][0], z - ghost["place"][1]) < 0.15  # as in test_ghost.py
+    assert hypot(x - ghost["place"][0], z - ghost["place"][1]) < 0.15  # test_settling_preview.py
     window.page.click("#undo")
     flying.until(lambda flown: flown.value("TGL_X") == pytest.approx(A[0]))
     window.page.click("#presets button:nth-child(2)")

@@ -12,15 +12,15 @@ import pytest
 from page_flight import AIRFRAME, SITE, Flown
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.cli.page.browser_requests import Look
 from tgl_soar.cli.page.desk import Desk
-from tgl_soar.cli.page.hands import Look
 from tgl_soar.cli.page.scene import place_of
 from tgl_soar.cli.page.station import ROW, Station, number, without_others
 from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.link.messages import PARAM_TYPE_REAL32
 from tgl_soar.link.transport import LinkCounters
-from tgl_soar.onboard.instruments import ARRAY, ARRAY_NAME, FAST, SLOW
+from tgl_soar.onboard.telemetry_values import ARRAY, ARRAY_NAME, FAST, SLOW
 
 KEY = bytes(range(32))
 

@@ -24,7 +24,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pyulog import ULog
 
 from tgl_soar.analysis.logs.meanings import meaning_of, page
-from tgl_soar.analysis.logs.reader import FlightLog, LogError, read_log
+from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError, read_log
 from tgl_soar.autopilot import initial_state, step
 from tgl_soar.config.parameters import PARAMETERS, ParameterSet
 from tgl_soar.control.laws import laws_from

@@ -12,7 +12,7 @@ import pytest
 from logged_flight import recorded
 
 from tgl_soar.analysis.logs.export import to_mcap
-from tgl_soar.analysis.logs.reader import read_log
+from tgl_soar.analysis.logs.ulog_reader import read_log
 from tgl_soar.cli.layouts import PANELS, foxglove, plotjuggler
 from tgl_soar.onboard.flightlog.declaration import TOPICS
 

@@ -16,10 +16,10 @@ from tgl_soar.config.airframe import Surface, Surfaces
 from tgl_soar.config.site import HomePosition
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.messages import DistanceSensor, EkfStatusReport, GpsRawInt
-from tgl_soar.link.sensing import range_of
-from tgl_soar.link.streams import StreamRequests
-from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
-from tgl_soar.link.vehicle.ledger import Ledger, SessionCounters
+from tgl_soar.link.sensor_units import range_of
+from tgl_soar.link.stream_requests import StreamRequests
+from tgl_soar.link.vehicle.diagnostics import Ledger, SessionCounters
+from tgl_soar.link.vehicle.estimator_status import EstimatorAids
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
 from tgl_soar.sim.vehicle.reports import _body_from_ned
 from tgl_soar.sim.vehicle.sensed import Sensed

@@ -36,7 +36,7 @@ from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
+from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import CATALOGUE, Fault, drawn_fault, parse_fault
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, USUAL_SENSORS, Sensors

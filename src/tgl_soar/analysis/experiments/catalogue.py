@@ -14,22 +14,22 @@ from tgl_soar.analysis.experiments.lift import (
     forecast,
     lift_map,
     nowhere,
-    powered_search,
     search,
     survey,
+    throttle,
 )
 from tgl_soar.analysis.experiments.loop import (
-    accepted_leans,
     command_delay,
-    later_link,
+    latency,
+    leans,
     margin_tables,
 )
-from tgl_soar.analysis.experiments.outdoors import outdoors, rangefinder, satellites, windy_hour
+from tgl_soar.analysis.experiments.outdoors import hour, outdoors, rangefinder, satellites
 from tgl_soar.analysis.experiments.paper import (
     air_speed,
     changing_air,
+    field,
     gust_response,
-    hill_positions,
     line_lean,
     places,
     still_lines,
@@ -39,7 +39,7 @@ from tgl_soar.analysis.experiments.result import DISPERSED_AIRCRAFT, POINT_MASS,
 from tgl_soar.config.files import ConfigError
 
 EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
-    "field": hill_positions.run,
+    "field": field.run,
     "places": places.places,
     "static": still_lines.static,
     "translate": still_lines.translate,
@@ -57,14 +57,14 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "command_delay": command_delay.command_delay,
     "dispersed": dispersed.dispersed,
     "unseen": unseen.unseen,
-    "leans": accepted_leans.leans,
+    "leans": leans.leans,
     "airframes": airframes.airframes,
     "margins": margin_tables.margins,
-    "latency": later_link.latency,
+    "latency": latency.latency,
     "incidence": incidence.incidence,
     "lift_map": lift_map.run,
     "search": search.run,
-    "throttle": powered_search.run,
+    "throttle": throttle.run,
     "survey": survey.run,
     "nowhere": nowhere.run,
     "forecast": forecast.run,
@@ -72,7 +72,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "outdoors": outdoors.run,
     "satellites": satellites.run,
     "rangefinder": rangefinder.run,
-    "hour": windy_hour.run,
+    "hour": hour.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what

@@ -32,8 +32,8 @@ from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.folder import CampaignFolder, is_finished
 from tgl_soar.sim.campaign.run import Progress, fly_all
 from tgl_soar.sim.closed_loop import Trajectory, fly
-from tgl_soar.sim.fast_flight import fly_compiled
-from tgl_soar.sim.fast_flight import prepare as prepare_compiled
+from tgl_soar.sim.compiled_flight import fly_compiled
+from tgl_soar.sim.compiled_flight import prepare as prepare_compiled
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.score import settling_time

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.analysis.logs.reader import LEAP_S
+from tgl_soar.analysis.logs.ulog_reader import LEAP_S
 
 Floats = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from tgl_soar.analysis.logs.flight_data import (
     series,
     with_missing,
 )
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 
 Floats = NDArray[np.float64]
 

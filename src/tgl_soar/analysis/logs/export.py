@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tgl_soar.analysis.logs.meanings import meaning_of
-from tgl_soar.analysis.logs.reader import Array, FlightLog
+from tgl_soar.analysis.logs.ulog_reader import Array, FlightLog
 from tgl_soar.onboard.flightlog.declaration import TOPICS, Field, frame_of, unit_of
 
 _MCAP_CHUNK: Final = 1 << 20

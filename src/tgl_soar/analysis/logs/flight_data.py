@@ -43,8 +43,8 @@ COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "margins": ("clearance_m", "stall_rad"),  # to the ground, of the angle of attack
     "forecast": ("standing", "chance", "ahead_s", "z_m"),  # as `control.forecast` has them
     "throttle": ("share", "climb_mps"),  # sent, 0 … 1, and what climb the propeller gives
-    # How a point of the line is held (`control.brake`), how far along the line the aircraft is off
-    # it, and the brake as it is commanded.
+    # How a point of the line is held (`control.point_hold`), how far along the line the aircraft is
+    # off it, and the brake as it is commanded.
     "point": ("standing", "off_m", "brake"),
     "excitation": (  # a multisine on the pitch setpoint, at every tick of a flight that had one
         *("standing", "injected_rad", "setpoint_rad", "pitch_rad"),  # setpoint: with it

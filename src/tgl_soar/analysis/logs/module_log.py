@@ -20,8 +20,8 @@ from tgl_soar.analysis.logs.flight_data import (
     series,
     with_missing,
 )
-from tgl_soar.analysis.logs.reader import FlightLog, LogError
 from tgl_soar.analysis.logs.ulog import Topics
+from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError
 from tgl_soar.control.excitation import RUNNING
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 

@@ -18,8 +18,8 @@ from tgl_soar.analysis.logs.flight_data import (
     series,
     with_missing,
 )
-from tgl_soar.analysis.logs.reader import FlightLog
 from tgl_soar.analysis.logs.ulog import Topics
+from tgl_soar.analysis.logs.ulog_reader import FlightLog
 
 Floats = NDArray[np.float64]
 

@@ -35,7 +35,7 @@ from tgl_soar.analysis.logs.flight_data import (
     series,
     with_missing,
 )
-from tgl_soar.analysis.logs.reader import LEAP_S, LogError
+from tgl_soar.analysis.logs.ulog_reader import LEAP_S, LogError
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.analysis.logs.clocks import Straightened
 from tgl_soar.analysis.logs.flight_data import Event, Series, parameter_events, series
-from tgl_soar.analysis.logs.reader import FlightLog, LogError
+from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError
 
 Floats = NDArray[np.float64]
 

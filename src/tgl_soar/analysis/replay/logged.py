@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar import __version__
-from tgl_soar.analysis.logs.reader import Array, FlightLog, Topic
+from tgl_soar.analysis.logs.ulog_reader import Array, FlightLog, Topic
 from tgl_soar.analysis.replay.compiled_ticks import (
     INPUT_LEAVES,
     OUTPUT_LEAVES,

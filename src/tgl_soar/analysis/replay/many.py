@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tgl_soar.analysis.logs.reader import LogError, read_log
+from tgl_soar.analysis.logs.ulog_reader import LogError, read_log
 from tgl_soar.analysis.replay.logged import ReplayError, replay
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError

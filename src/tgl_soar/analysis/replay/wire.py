@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.analysis.logs.reader import Array, LogError
+from tgl_soar.analysis.logs.ulog_reader import Array, LogError
 from tgl_soar.analysis.replay.logged import NEVER_DEAD
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.config.files import load_flight
@@ -33,9 +33,9 @@ from tgl_soar.control.supervisor import is_flying
 from tgl_soar.link.clock import ClockMap
 from tgl_soar.link.frames import first_frame
 from tgl_soar.onboard.flightlog.recorder import Recorder
-from tgl_soar.onboard.instruments import FAST, fast_value
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
+from tgl_soar.onboard.telemetry_values import FAST, fast_value
 from tgl_soar.types import Inputs
 
 GAP_S: Final = 5.0  # a silence that is passed over
@@ -67,7 +67,7 @@ class WireReplay:
 
     outputs: list[Output]
     inputs: list[Inputs]
-    compared: Mapping[str, list[WireFlight]]  # by the names of `instruments.FAST`
+    compared: Mapping[str, list[WireFlight]]  # by `telemetry_values.FAST`
     seconds: float  # of the recording
     missed: bool  # then it flew, now it never did
     took_s: float

@@ -22,7 +22,7 @@ import numpy as np
 import tgl_soar
 from tgl_soar.analysis.logs.flight_data import FlightData, on_line, placed
 from tgl_soar.analysis.loop_response import TONES_RADPS, LoopResponse, loop_responses
-from tgl_soar.analysis.report.flight_figures import (
+from tgl_soar.analysis.report.flight_report_figures import (
     Surroundings,
     health_panels,
     history_figure,

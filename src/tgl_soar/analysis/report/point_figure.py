@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from tgl_soar.analysis.logs.flight_data import FlightData, Floats, Series
-from tgl_soar.analysis.report.flight_figures import BLUE, INK, RED, WIDTH_IN, thinned
-from tgl_soar.control.brake import POINT_TEXTS, acts
+from tgl_soar.analysis.report.flight_report_figures import BLUE, INK, RED, WIDTH_IN, thinned
+from tgl_soar.control.point_hold import POINT_TEXTS, acts
 
 CLOUD_POINTS: Final = 4000
 SETTLED_S: Final = 10.0  # of holding left out of the numbers: it fades in, and the point moves

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.rare.soaring import SHOWN
+from tgl_soar.analysis.rare.soaring_process import SHOWN
 from tgl_soar.analysis.rare.splitting import Rung
 from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
 

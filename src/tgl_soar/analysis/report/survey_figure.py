@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from tgl_soar.analysis.logs.flight_data import FlightData
-from tgl_soar.analysis.report.flight_figures import BLUE, INK, RED, WIDTH_IN, thinned
-from tgl_soar.analysis.survey.drawn import (
+from tgl_soar.analysis.report.flight_report_figures import BLUE, INK, RED, WIDTH_IN, thinned
+from tgl_soar.analysis.survey.contour_fit import (
     DrawnContour,
     SurveyError,
     SurveyPath,
     drawn_contour,
 )
-from tgl_soar.analysis.survey.flown import surveys_of
+from tgl_soar.analysis.survey.surveys_from_log import surveys_of
 from tgl_soar.control.survey import UPSTREAM
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.search.flying import Episode
+from tgl_soar.analysis.search.episode import Episode
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.analysis.search.searchers import Snapshot
 from tgl_soar.estimation.lift_map.sinking import sink

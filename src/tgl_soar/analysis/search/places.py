@@ -68,10 +68,10 @@ class SearchPlace(NamedTuple):
 def place(kind: Kind, seed: int) -> SearchPlace:
     """The place of a seed."""
     # The tunnel's stream is also that of the turbulence of this seed, the hill's that of its roll
-    # gusts (`sim.white`); one of its own would draw other places than the published ones.  Place
-    # and gusts are independent all the same: the size of a normal number, not its sign, has a rank
-    # correlation of 0.10 with the uniform one of the same bits, and these here are a dozen, which
-    # are the gusts' start and their first steps.  Nothing of it is left in a second of gusts.
+    # gusts (`sim.white_noise`); one of its own would draw other places than the published ones.
+    # Place and gusts are independent all the same: the size of a normal number, not its sign, has a
+    # rank correlation of 0.10 with the uniform one of the same bits, and these here are a dozen,
+    # which are the gusts' start and their first steps.  Nothing of it is left in a second of gusts.
     rng = np.random.default_rng((seed, kind == "hill"))
     return (_hill if kind == "hill" else _tunnel)(seed, rng)
 

@@ -8,7 +8,7 @@ from math import inf, nan
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.search.flying import Episode
+from tgl_soar.analysis.search.episode import Episode
 from tgl_soar.control.supervisor import REASON_NOT_FOUND, REASON_TEXTS
 
 END_FRACTION = 0.25  # of the flight planned, over which the last climb is averaged

@@ -15,7 +15,7 @@ import numpy as np
 
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.search.compiled_rollouts import fastest_roll_out
-from tgl_soar.analysis.search.flying import Searcher
+from tgl_soar.analysis.search.episode import Searcher
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,

@@ -25,7 +25,7 @@ from tgl_soar.analysis.tuning.aircraft import Ranges, drawn_aircraft
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.control.laws import Laws, laws_from
-from tgl_soar.control.schedule import (
+from tgl_soar.control.pitch_schedule import (
     SPEED_MIN_MPS,
     lean_of_glide,
     pitch_gains,

@@ -39,7 +39,7 @@ from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import (
+from tgl_soar.sim.compiled_flight import (
     CompiledLoop,
     CompiledWorld,
     Prepared,

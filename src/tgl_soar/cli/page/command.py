@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tgl_soar.analysis.logs.reader import LogError
+from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, fail, hint, say
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
 from tgl_soar.config.site import Site
 from tgl_soar.link.frames import starts_with_frame
-from tgl_soar.link.keys import SigningError, load_key
+from tgl_soar.link.signing_keys import SigningError, load_key
 from tgl_soar.link.transport import FORMS, LinkError, open_link
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def recorded_desk(
     """A desk on a log.  Errors: `ConfigError`, `LogError`."""
     import msgspec
 
-    from tgl_soar.analysis.logs.reading import read_flight
+    from tgl_soar.analysis.logs.open_log import read_flight
     from tgl_soar.cli.page.desk import Desk
     from tgl_soar.cli.page.recording import recording_of
     from tgl_soar.cli.page.scene import place_of

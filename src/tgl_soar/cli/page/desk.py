@@ -18,8 +18,7 @@ from typing import Any, Final
 import msgspec
 
 from tgl_soar.cli.page.broadcast import FRAMES_PER_S, Broadcast, Viewer
-from tgl_soar.cli.page.ghost import Foresight, Ghost, GhostLine, GhostStart
-from tgl_soar.cli.page.hands import (
+from tgl_soar.cli.page.browser_requests import (
     Abort,
     Drop,
     Engage,
@@ -36,11 +35,12 @@ from tgl_soar.cli.page.hands import (
 from tgl_soar.cli.page.measured_air import AirSample
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, Done, Orders
 from tgl_soar.cli.page.scene import Place
+from tgl_soar.cli.page.settling_preview import Foresight, Ghost, GhostLine, GhostStart
 from tgl_soar.cli.page.station import ROW, Station, Text, number, without_others
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet, checked_value
 from tgl_soar.control.supervisor import is_flying
 from tgl_soar.link.transports.base import Transport
-from tgl_soar.onboard.instruments import ARRAY
+from tgl_soar.onboard.telemetry_values import ARRAY
 
 READ_S: Final = 0.01
 READS: Final = 20  # datagrams and reads of a stream at once: a flood waits for the next turn

@@ -1,9 +1,9 @@
 """The air as it is measured in flight: the lift map, made here on the ground from telemetry.
 
 The module sends where it is, how it moves, and its estimates of wind and updraft
-(`ARRAY` of `onboard.instruments`).  While it is engaged each two of these that follow one another
-are a reading of `estimation.lift_map`, the one that the search for lift uses.  Held in a hand an
-aircraft measures the hand, so that nothing is read before.
+(`ARRAY` of `onboard.telemetry_values`).  While it is engaged each two of these that follow one
+another are a reading of `estimation.lift_map`, the one that the search for lift uses.  Held in a
+hand an aircraft measures the hand, so that nothing is read before.
 
 The map is asked for its prediction a row of the grid at a time, so that no turn of the server waits
 for the whole of it.  A place is drawn where the map can tell one to soar at from one without any

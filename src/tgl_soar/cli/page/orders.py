@@ -20,7 +20,7 @@ from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.cli.page.ghost import GhostLine
+from tgl_soar.cli.page.settling_preview import GhostLine
 from tgl_soar.cli.page.station import StationAnswer
 from tgl_soar.config.line_changes import DROPPED, LINE
 from tgl_soar.config.parameters import as_wire_value

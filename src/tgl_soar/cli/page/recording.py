@@ -14,7 +14,7 @@ from tgl_soar.cli.page.measured_air import AirSample, MeasuredAir
 from tgl_soar.cli.page.station import ROW, number
 from tgl_soar.config.site import Site
 from tgl_soar.control.supervisor import MODE_NAMES, is_flying
-from tgl_soar.onboard.instruments import ARRAY_S
+from tgl_soar.onboard.telemetry_values import ARRAY_S
 
 ROWS_PER_S: Final = 10.0
 MOST_ROWS: Final = 20_000  # 33 minutes at that rate; a longer flight in wider steps

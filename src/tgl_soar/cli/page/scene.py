@@ -13,20 +13,20 @@ from typing import Any, Final
 import numpy as np
 
 from tgl_soar.air.zeuc import ZeucError, contour
-from tgl_soar.cli.page.ghost import Foresight
 from tgl_soar.cli.page.measured_air import MeasuredAir
+from tgl_soar.cli.page.settling_preview import Foresight
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import preset_lines
 from tgl_soar.config.line_changes import contour_length
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet, as_wire_value
 from tgl_soar.config.site import Site
-from tgl_soar.control.brake import POINT_TEXTS
 from tgl_soar.control.forecast import FORECAST_TEXTS
+from tgl_soar.control.point_hold import POINT_TEXTS
 from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
 from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import FAULT_TEXTS
-from tgl_soar.onboard.instruments import HELD_BACK
 from tgl_soar.onboard.setup import bounds_from
+from tgl_soar.onboard.telemetry_values import HELD_BACK
 from tgl_soar.sim.world import build_field, ground_outline
 from tgl_soar.types import GlidePolar, Ground
 

@@ -3,7 +3,7 @@
     GET /            the page; its files below /static, nothing from anywhere else
     GET /scene       the place and what numbers mean
     GET /recording   a log in the place of a flight
-    WS  /live        frames out (`broadcast`), requests in (`hands`)
+    WS  /live        frames out (`broadcast`), requests in (`browser_requests`)
 
 The page itself is public; the three others want the token.  A browser's page from another origin is
 refused, whatever token it has, and so is a name for this computer that is not its own: a stranger's
@@ -29,8 +29,8 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from tgl_soar.cli.page.browser_requests import ClientAllowance, Hello, Refused, is_token, request_of
 from tgl_soar.cli.page.desk import Desk
-from tgl_soar.cli.page.hands import ClientAllowance, Hello, Refused, is_token, request_of
 
 STATIC: Final = Path(__file__).parent / "static"
 HELLO_S: Final = 5.0  # for the first request of a connection

@@ -87,7 +87,7 @@ class SensorMessages(NamedTuple):
     imu: tuple[int, ...]  # accelerations: the best first, the next where that is refused
     airspeed: Wanted
     pitot_in_imu: bool  # HIGHRES_IMU.diff_pressure is that of a pitot tube
-    # What its estimator says of its own position (`vehicle.estimator_aids`); None: nothing.
+    # What its estimator says of its own position (`vehicle.estimator_status`); None: nothing.
     estimator: Wanted | None
 
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from tgl_soar.link.autopilot_setup_check import ParameterReading
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare
-from tgl_soar.link.inquiry import ParameterReading
 from tgl_soar.link.messages import Heartbeat, ParamRequestRead, ParamValue
 
 BURST: Final = 4  # requests in one call: radios are slow, and drop what does not fit

@@ -9,8 +9,8 @@ from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.natnet.clock import ServerClock
+from tgl_soar.link.natnet.diagnostics import OptitrackLedger
 from tgl_soar.link.natnet.layout import MocapFrame
-from tgl_soar.link.natnet.ledger import OptitrackLedger
 
 ODD_S: Final = 1.0  # no frame is sent so long after its exposure, no echo answered so late
 

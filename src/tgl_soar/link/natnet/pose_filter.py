@@ -5,8 +5,8 @@ from __future__ import annotations
 from tgl_soar.geometry import ned_attitude_from_hall, ned_from_hall
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.natnet import track
+from tgl_soar.link.natnet.diagnostics import OptitrackLedger
 from tgl_soar.link.natnet.layout import RigidBody
-from tgl_soar.link.natnet.ledger import OptitrackLedger
 from tgl_soar.link.natnet.settings import OptitrackSettings
 from tgl_soar.link.natnet.track import PoseTrack
 from tgl_soar.types import NAN, PositionFix, isfinite

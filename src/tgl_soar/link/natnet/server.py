@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.natnet import layout
+from tgl_soar.link.natnet.diagnostics import OptitrackLedger
 from tgl_soar.link.natnet.layout import ServerInfo
-from tgl_soar.link.natnet.ledger import OptitrackLedger
 from tgl_soar.link.natnet.settings import OptitrackSettings
 
 CONNECT_S: Final = 1.0

@@ -23,7 +23,7 @@ from tgl_soar.link.messages import (
     SEVERITY_WARNING,
 )
 from tgl_soar.link.sources import GLOBAL_POSITION, LOCAL_POSITION, ODOMETRY, PositionSources
-from tgl_soar.link.vehicle.ledger import Ledger
+from tgl_soar.link.vehicle.diagnostics import Ledger
 
 # Of the autopilot, where the module changes its mode: so soon the pilot's own choice is known.
 HEARTBEAT_HZ: Final = 5.0

@@ -21,7 +21,7 @@ from tgl_soar.link.messages import (
     Source,
     VisionPositionEstimate,
 )
-from tgl_soar.link.sensing import sigma_of
+from tgl_soar.link.sensor_units import sigma_of
 from tgl_soar.link.sources import (
     EXTERNAL,
     GLOBAL_POSITION,
@@ -32,8 +32,8 @@ from tgl_soar.link.sources import (
     Quaternion,
 )
 from tgl_soar.link.tangent_plane import Home, TangentPlane
-from tgl_soar.link.vehicle.estimator_aids import EstimatorAids
-from tgl_soar.link.vehicle.ledger import Ledger
+from tgl_soar.link.vehicle.diagnostics import Ledger
+from tgl_soar.link.vehicle.estimator_status import EstimatorAids
 from tgl_soar.link.vehicle.sample_times import SampleTimes
 from tgl_soar.link.vehicle.sensor_samples import SensorSamples
 from tgl_soar.types import NAN, PositionFix, isfinite

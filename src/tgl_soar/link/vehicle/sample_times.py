@@ -21,7 +21,7 @@ from tgl_soar.link.messages import (
     Source,
 )
 from tgl_soar.link.timesync import RECENT_S, SLACK_S
-from tgl_soar.link.vehicle.ledger import Ledger
+from tgl_soar.link.vehicle.diagnostics import Ledger
 
 CLOCK_NOTICE_S: Final = 10.0  # between two notices of another clock
 QUEUE_NOTICE_S: Final = 10.0  # between two notices of a queue

@@ -30,9 +30,9 @@ from tgl_soar.link.messages import (
     SysStatus,
     VfrHud,
 )
-from tgl_soar.link.sensing import airspeed_of_hud, airspeed_of_pressure, imu_of, range_of
+from tgl_soar.link.sensor_units import airspeed_of_hud, airspeed_of_pressure, imu_of, range_of
 from tgl_soar.link.sources import Quaternion
-from tgl_soar.link.vehicle.ledger import Ledger
+from tgl_soar.link.vehicle.diagnostics import Ledger
 from tgl_soar.link.vehicle.sample_times import SampleTimes
 from tgl_soar.types import (
     NAN,

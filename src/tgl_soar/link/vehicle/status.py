@@ -11,7 +11,7 @@ from tgl_soar.link.messages import (
     TYPE_GCS,
     Heartbeat,
 )
-from tgl_soar.link.vehicle.ledger import Ledger
+from tgl_soar.link.vehicle.diagnostics import Ledger
 from tgl_soar.types import NAN, AutopilotStatus
 
 

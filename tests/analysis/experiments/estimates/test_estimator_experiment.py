@@ -56,7 +56,7 @@ from tgl_soar.analysis.experiments.estimates.estimator_flights import (
 )
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import as_json
-from tgl_soar.sim import fast_flight
+from tgl_soar.sim import compiled_flight
 from tgl_soar.sim.flight import fly_ticks
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION, Sensors
 from tgl_soar.types import NO_FIX, PositionFix
@@ -247,7 +247,7 @@ def test_a_dispersed_flight_is_of_another_aircraft_than_is_known_aboard(
 ) -> None:
     """Each seed its own, the same for plain and compiled flights."""
     pytest.importorskip("numba")
-    monkeypatch.setattr(fast_flight, "_kernel_for", lambda _: fly_ticks)
+    monkeypatch.setattr(compiled_flight, "_kernel_for", lambda _: fly_ticks)
     filed = EstimatorFlight(line="b", seed=3, sensors=IMU, duration_s=8.5)
     flights = [filed._replace(dispersed=True, seed=seed) for seed in (3, 4)]
     models = [_world(each).model for each in (filed, *flights)]

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from tgl_soar.analysis.experiments.outdoors import outdoors, windy_hour
+from tgl_soar.analysis.experiments.outdoors import hour, outdoors
+from tgl_soar.analysis.experiments.outdoors.hour import HourJob, fly_hour
 from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob, fly_passage
-from tgl_soar.analysis.experiments.outdoors.windy_hour import HourJob, fly_hour
 from tgl_soar.sim.compiled import available
 
 pytestmark = [
@@ -22,7 +22,7 @@ def test_a_break_off_in_a_dying_wind_ends_on_the_same_place(
 ) -> None:
     job = HourJob(8.0, 4, 60.0)
     compiled = fly_hour(job)
-    monkeypatch.setattr(windy_hour, "available", lambda: False)
+    monkeypatch.setattr(hour, "available", lambda: False)
     assert compiled.landing
     assert compiled == fly_hour(job)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tgl_soar.analysis.experiments.outdoors.hour import HourJob, hill_of, record_of
 from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     SoaredHill,
     longest_s,
@@ -13,7 +14,6 @@ from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     wind_across,
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
-from tgl_soar.analysis.experiments.outdoors.windy_hour import HourJob, hill_of, record_of
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from tgl_soar.analysis.experiments.point.brake_faults import (
 from tgl_soar.analysis.experiments.point.hold_point import band, with_point
 from tgl_soar.analysis.experiments.scenario import Scenario, load_scenario, prepare
 from tgl_soar.config.files import shipped
-from tgl_soar.control.brake import HOLDS, UNEVEN
+from tgl_soar.control.point_hold import HOLDS, UNEVEN
 from tgl_soar.sim.faults import parse_faults
 
 

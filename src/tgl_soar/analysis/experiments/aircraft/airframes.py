@@ -39,7 +39,7 @@ from tgl_soar.analysis.identification import body_from, identify
 from tgl_soar.analysis.identified_file import glided, with_identified
 from tgl_soar.analysis.logs.flight_data import steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
-from tgl_soar.analysis.logs.reading import read_flight
+from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.tuning.aircraft import TICK_S, ranges_of_one
 from tgl_soar.analysis.tuning.demands import INERTIAL, SETS
 from tgl_soar.analysis.tuning.flights import START_M, DrawnFlight, fly_late, line_of

@@ -42,7 +42,7 @@ from tgl_soar.estimation.motion_state import initial_motion
 from tgl_soar.link.tracked_attitude import TrackedAttitude
 from tgl_soar.sim.closed_loop import ClosedLoop, Trajectory
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import Prepared, fly_compiled, prepare
+from tgl_soar.sim.compiled_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.motive import ARM_M, MADE_RAD
 from tgl_soar.sim.sensing import flown_sensors, sense_attitude
 from tgl_soar.sim.sensors import (
@@ -54,7 +54,7 @@ from tgl_soar.sim.sensors import (
     PositionParams,
     Sensors,
 )
-from tgl_soar.sim.white import drawn_as_needed
+from tgl_soar.sim.white_noise import drawn_as_needed
 from tgl_soar.sim.world import Truth, World, build_field, make_world
 from tgl_soar.types import NO_FIX, AttitudeSample, AutopilotStatus, Inputs, PositionFix
 

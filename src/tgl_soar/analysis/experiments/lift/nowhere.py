@@ -26,7 +26,7 @@ import numpy as np
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.lift.forecast import SlidePlace, SlideStart, stops
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.search.flying import Episode, EpisodeFlight, obeyed
+from tgl_soar.analysis.search.episode import Episode, EpisodeFlight, obeyed
 from tgl_soar.analysis.search.places import LAUNCH_WIND_MPS, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.analysis.search.searchers import MapSearch

@@ -31,7 +31,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
-from tgl_soar.analysis.search.flying import Episode, Searcher, fly_episode
+from tgl_soar.analysis.search.episode import Episode, Searcher, fly_episode
 from tgl_soar.analysis.search.places import DURATION_S, PUBLISHED, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import Score, fraction_text, score
 from tgl_soar.analysis.search.searchers import SEARCHERS, MapSearch, searcher

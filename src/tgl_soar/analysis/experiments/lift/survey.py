@@ -24,13 +24,13 @@ from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
 from tgl_soar.analysis.logs.flight_data import Floats
 from tgl_soar.analysis.search.scoring import fraction_text
-from tgl_soar.analysis.survey.drawn import (
+from tgl_soar.analysis.survey.contour_fit import (
     DrawnContour,
     SurveyError,
     SurveyPath,
     drawn_contour,
 )
-from tgl_soar.analysis.survey.flying import SurveyFlight, fly_survey
+from tgl_soar.analysis.survey.survey_flight import SurveyFlight, fly_survey
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors

@@ -4,7 +4,7 @@
                pitch at elevator and e_rho, roll and heading at aileron and rudder
     age        the same at one place, with attitudes that arrive late, known to the schedule or not
     refused    drawn aircraft, each with its own file: on how many the rule on board refuses a line
-               of each lean, with gains that yield to lag and without (`control.schedule`)
+               of each lean, with gains that yield to lag and without (`control.pitch_schedule`)
     drawn      others on the linear model: near the usual places, far from them, and with what no
                file knows
     rule       others by the rule on board for roll and heading, beside the linear model

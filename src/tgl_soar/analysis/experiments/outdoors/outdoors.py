@@ -40,7 +40,7 @@ from tgl_soar.control.supervisor import (
 )
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import fly_compiled, prepare
+from tgl_soar.sim.compiled_flight import fly_compiled, prepare
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.throw import Throw, ThrownWorld
 from tgl_soar.types import Ground

@@ -35,7 +35,7 @@ from tgl_soar.estimation.ground_range import RANGE_CORRECTS
 from tgl_soar.geometry import soaring_from_ned
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
+from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import (

@@ -47,7 +47,7 @@ from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld, prepare
+from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION, DRIFTING_POSITION, MEMS_IMU, Sensors

@@ -21,12 +21,12 @@ from tgl_soar.analysis.experiments.flights import ScenarioJob, scenario_world
 from tgl_soar.analysis.experiments.result import Claim, Table
 from tgl_soar.analysis.experiments.scenario import Scenario, prepare
 from tgl_soar.autopilot import reason_text
-from tgl_soar.control.brake import DEAD, UNEVEN
+from tgl_soar.control.point_hold import DEAD, UNEVEN
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.fast_flight import CompiledLoop, CompiledWorld
-from tgl_soar.sim.fast_flight import prepare as prepare_compiled
+from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld
+from tgl_soar.sim.compiled_flight import prepare as prepare_compiled
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.injection import Injection
 
@@ -51,7 +51,7 @@ class FaultyFlight(NamedTuple):
     lost: str  # what was hit while the module had the surfaces; "": nothing
     handed_over: str  # why; "": not at all
     reported_s: float  # from the fault until the point was given up for it; NaN: it was not
-    standing: int  # of the point at the end, as `control.brake` numbers it
+    standing: int  # of the point at the end, as `control.point_hold` numbers it
     duration_s: float
 
 

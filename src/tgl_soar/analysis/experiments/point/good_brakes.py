@@ -18,7 +18,7 @@ from tgl_soar.analysis.experiments.context import Context, with_turbulence
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job_compiled
 from tgl_soar.analysis.experiments.result import Table
 from tgl_soar.analysis.experiments.scenario import Scenario
-from tgl_soar.control.brake import ABOVE_BAND, BELOW_BAND, DEAD, HOLDS, UNEVEN
+from tgl_soar.control.point_hold import ABOVE_BAND, BELOW_BAND, DEAD, HOLDS, UNEVEN
 from tgl_soar.sim.compiled import available
 
 AIRCRAFT: Final = 200  # of each place and turbulence

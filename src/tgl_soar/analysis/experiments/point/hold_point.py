@@ -42,7 +42,7 @@ from tgl_soar.analysis.experiments.scenario import (
     TimedChange,
     prepare,
 )
-from tgl_soar.control.brake import DEAD, HOLDS, UNEVEN
+from tgl_soar.control.point_hold import DEAD, HOLDS, UNEVEN
 from tgl_soar.estimation.aerodynamics import brake_sink, braked
 from tgl_soar.types import polar_sink
 
