@@ -136,9 +136,7 @@ LOOK_ABOVE_M: Final = 2.0  # 1.4 s to turn back in
 STEEPER: Final = 0.5
 STEEP_MPS: Final = 1.0  # of sigma: the best glide is 1.5 m/s faster than a stall
 STEEP_MAX_RAD: Final = radians(20.0)  # of a bank that is made steeper: 1.03 of the stall's speed
-STEEP_FRACTION: Final = (
-    0.5  # of TILT_MAX, likewise: gusts and what a bank overshoots have the other
-)
+STEEP_FRACTION: Final = 0.5  # of TILT_MAX, likewise: gusts and overshoots have the other half
 STEEP_ABOVE_M: Final = 4.0  # 8.5 m over the place: three seconds to be level in before the rest
 STEEP_WITHIN_M: Final = 2.0
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
