@@ -44,7 +44,9 @@ INFO = encode_server_info((4, 1), data_port=1511, group="239.0.0.1", multicast=F
 OTHER_INFO = encode_server_info((4, 2), data_port=1511, group="239.0.0.1", multicast=False)
 GARBAGE = encoded(layout.FRAME, b"\xff" * 40)
 BROKEN_MODELS = encoded(layout.MODELS, b"\xff" * 8)
-GLIDER = SimulatedBody("glider", 7, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0))
+GLIDER = SimulatedBody(
+    name="glider", id=7, position_m=(1.0, 2.0, 3.0), quaternion=(0.0, 0.0, 0.0, 1.0)
+)
 PLAIN = "OptiTrack: "
 
 
@@ -396,7 +398,9 @@ def test_a_body_with_another_id_begins_another_track() -> None:
     for number, used in ((8, True), (7, False)):
         talk = Talk()
         talk.sees()
-        other = SimulatedBody("glider", number, (5.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0))
+        other = SimulatedBody(
+            name="glider", id=number, position_m=(5.0, 2.0, 3.0), quaternion=(0.0, 0.0, 0.0, 1.0)
+        )
         talk.gives(encode_models((4, 1), [other]))
         talk.now_s += 0.01
         assert (talk.gives(talk.frame(body=other)) is not None) == used

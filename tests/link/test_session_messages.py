@@ -115,11 +115,27 @@ def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
     hear(talk, MANUAL, 1.0)
     hear(talk, attitude(1000), 1.0)
     hear(talk, position(1000), 1.0)
-    hear(talk, RawImu(1_000_000, 0, 0, -1000, 100, 200, 300), 1.0)
+    hear(
+        talk,
+        RawImu(time_usec=1_000_000, xacc=0, yacc=0, zacc=-1000, xgyro=100, ygyro=200, zgyro=300),
+        1.0,
+    )
     hear(talk, SysStatus(16, 16), 1.0)  # a pitot tube
     hear(talk, VfrHud(9.5, 0.0), 1.0)
     hear(talk, ServoOutputRaw(1_000_000, 0, (1500,) * 16), 1.0)
-    hear(talk, DistanceSensor(1000, 10, 5000, 700, 0, 25, 0), 1.0)
+    hear(
+        talk,
+        DistanceSensor(
+            time_boot_ms=1000,
+            min_distance=10,
+            max_distance=5000,
+            current_distance=700,
+            id=0,
+            orientation=25,
+            signal_quality=0,
+        ),
+        1.0,
+    )
     hear(talk, HomeMessage(10, 20, 30), 1.0)
     hear(talk, MissionCurrent(3), 1.0)
     hear(talk, GpsRawInt(3, 1500, 2500), 1.0)
@@ -147,7 +163,11 @@ def test_parameters_of_the_autopilot_answer_what_was_asked() -> None:
     (asked,) = {m.param_id for m in talk.poll(1.0) if isinstance(m, ParamRequestRead)} & {
         "MAV_GCS_SYSID"
     } or {"SYSID_MYGCS"}
-    hear(talk, ParamValue(asked, 77.0, 9, 100, 0), 1.1)
+    hear(
+        talk,
+        ParamValue(param_id=asked, param_value=77.0, param_type=9, param_count=100, param_index=0),
+        1.1,
+    )
     assert "77" in talk.inquiry.held_back()
 
 
@@ -234,7 +254,13 @@ def test_complaints_are_warnings_and_words_of_sources_go_on() -> None:
     hear(talk, MANUAL, 0.5)
     talk.poll(0.5)
     for name in ("SYSID_MYGCS", "MAV_GCS_SYSID"):
-        hear(talk, ParamValue(name, 77.0, 9, 100, 0), 0.6)
+        hear(
+            talk,
+            ParamValue(
+                param_id=name, param_value=77.0, param_type=9, param_count=100, param_index=0
+            ),
+            0.6,
+        )
     talk.sources.notices.append((5, "another source"))
     for i in range(60):
         talk.poll(0.7 + 0.1 * i)
@@ -260,7 +286,11 @@ def test_an_answer_is_ours_by_both_of_its_numbers(system: int, component: int, o
     talk.poll(0.0)
     stream = talk.streams.wanted(31)
     assert stream is not None
-    hear(talk, CommandAck(511, 3, system, component), 0.1)
+    hear(
+        talk,
+        CommandAck(command=511, result=3, target_system=system, target_component=component),
+        0.1,
+    )
     assert stream.given_up == ours
 
 
@@ -268,7 +298,7 @@ def test_an_answer_to_another_command_is_none() -> None:
     talk = session()
     hear(talk, MANUAL, 0.0)
     talk.poll(0.0)
-    hear(talk, CommandAck(512, 3, 1, 191), 0.1)
+    hear(talk, CommandAck(command=512, result=3, target_system=1, target_component=191), 0.1)
     stream = talk.streams.wanted(31)
     assert stream is not None
     assert not stream.given_up
@@ -285,7 +315,7 @@ def talked(**options: Any) -> Session:
     talk.heartbeat_if_due(99.0)
     for now_s in (99.0, 99.1):
         talk.poll(now_s)
-        hear(talk, CommandAck(511, 3, 1, 191), now_s)
+        hear(talk, CommandAck(command=511, result=3, target_system=1, target_component=191), now_s)
     hear(talk, Timesync(7, 99_000_000_000), 99.2)
     hear(talk, GpsRawInt(3, 1500, 2500), 99.3)
     hear(talk, MissionCurrent(4), 99.3)

@@ -37,7 +37,7 @@ from tgl_soar.analysis.experiments.mismatch import (
     mismatched_site,
 )
 from tgl_soar.analysis.experiments.outdoors import hour, outdoors, rangefinder, satellites
-from tgl_soar.analysis.experiments.outdoors.hour import HourJob
+from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob
 from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob
 from tgl_soar.analysis.experiments.outdoors.rangefinder import RangeJob
 from tgl_soar.analysis.experiments.outdoors.satellites import SatelliteJob
@@ -274,7 +274,7 @@ FLOWN: dict[str, tuple[Any, Callable[[bool], Any], str]] = {
         lambda d: rangefinder.fly_range(RangeJob(rangefinder.RECEIVER, 3, d)),
         HILL,
     ),
-    "hour": (hour, lambda d: hour.fly_hour(HourJob(8.0, 3, 60.0, d)), HILL),
+    "hour": (hour, lambda d: hour.fly_hour(HourJob(HourCase(8.0), 3, 60.0, d)), HILL),
     "survey": (survey, lambda d: survey.fly_once(SurveyJob(0.01, 0.06, 3, d)), ""),
     "search": (
         episode,
@@ -327,7 +327,7 @@ def test_a_test_flight_is_held_against_the_aircraft_that_flew() -> None:
 
 def test_what_can_be_soared_of_an_hour_is_by_the_polar_of_what_flies() -> None:
     values = shipped_hill().on_line("a").values
-    own, other = (hour.hill_of(HourJob(8.0, 3, 60.0, d), values) for d in (False, True))
+    own, other = (hour.hill_of(HourJob(HourCase(8.0), 3, 60.0, d), values) for d in (False, True))
     assert own.polar == shipped_hill().airframe.polar.as_polar()
     drag = drawn_mismatch(3).drag
     # All of the drag is drawn by one factor; 3 % is what a cubic and another trim differ by.

@@ -524,7 +524,7 @@ def test_a_number_fits_its_field_or_is_the_largest_that_does(given: Any, kept: A
 
 
 def test_named_tuples_keep_their_names() -> None:
-    polar = GlidePolar(1e300, 1.0, nan, 0.0, -1e300, 2.0)
+    polar = GlidePolar(c0=1e300, c1=1.0, c2=nan, c3=0.0, speed_min_mps=-1e300, speed_max_mps=2.0)
     found = clamped(polar)
     assert isinstance(found, GlidePolar)
     assert (found.c0, found.c1, found.speed_min_mps) == (inf, 1.0, -inf)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from tgl_soar.analysis.experiments.outdoors import hour, outdoors
-from tgl_soar.analysis.experiments.outdoors.hour import HourJob, fly_hour
+from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob, fly_hour
 from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob, fly_passage
 from tgl_soar.sim.compiled import available
 
@@ -20,7 +20,7 @@ pytestmark = [
 def test_a_break_off_in_a_dying_wind_ends_on_the_same_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    job = HourJob(8.0, 4, 60.0)
+    job = HourJob(HourCase(8.0), 4, 60.0)
     compiled = fly_hour(job)
     monkeypatch.setattr(hour, "available", lambda: False)
     assert compiled.landing

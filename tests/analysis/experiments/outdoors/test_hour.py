@@ -14,15 +14,16 @@ from tgl_soar.air.wind_record import WindRecord
 from tgl_soar.analysis.experiments.outdoors import hour
 from tgl_soar.analysis.experiments.outdoors.hour import (
     FlownHour,
+    HourCase,
     HourJob,
     fly_hour,
     path_of,
 )
 
 GOOD = FlownHour(
-    radius_m=30.0, seed=1, duration_s=3600.0, possible_s=3600.0, soarable=1.0, soared_s=3600.0,
-    ended="", left_m=nan, broke_at_m=nan, wind_mps=6.0, veer_deg=20.0, along_m=0.0, across_m=0.0,
-    sink_mps=0.0, landing=False,
+    case=HourCase(30.0), seed=1, duration_s=3600.0, possible_s=3600.0, soarable=1.0,
+    soared_s=3600.0, ended="", left_m=nan, broke_at_m=nan, wind_mps=6.0, veer_deg=20.0,
+    along_m=0.0, across_m=0.0, sink_mps=0.0, landing=False,
 )  # fmt: skip
 HOME = replace(
     GOOD, soared_s=600.0, ended="hit the ground", left_m=12.0, broke_at_m=40.0, landing=True
@@ -39,11 +40,11 @@ def plainly() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def flown() -> FlownHour:
-    return fly_hour(HourJob(8.0, 4, 60.0))
+    return fly_hour(HourJob(HourCase(8.0), 4, 60.0))
 
 
 def test_a_flight_is_that_of_its_seed(flown: FlownHour) -> None:
-    first, again, other = (fly_hour(HourJob(8.0, seed, 12.0)) for seed in (1, 1, 2))
+    first, again, other = (fly_hour(HourJob(HourCase(8.0), seed, 12.0)) for seed in (1, 1, 2))
     assert first == again
     assert first.across_m != other.across_m
     assert 0.0 < flown.soared_s < flown.duration_s < 60.0
@@ -57,7 +58,7 @@ def test_from_the_large_hill_it_lands_softly_although_the_wind_has_died() -> Non
     at the best glide's speed, as the airspeed is not measured, 12 of 30 end 10 to 39 m beyond.
     """
     falls = WindRecord(Schedule([0.0, 12.0, 20.0], [7.2, 7.2, 6.0]), Schedule([0.0], [0.0]))
-    flown, values = path_of(HourJob(30.0, 2, 300.0), falls)
+    flown, values = path_of(HourJob(HourCase(30.0), 2, 300.0), falls)
     x, y, z = (flown[name] for name in ("x_m", "y_m", "z_m"))
     sink = (z[-2] - z[-1]) / (flown["time_s"][-1] - flown["time_s"][-2])
     assert "ground" in flown.ended
@@ -93,7 +94,7 @@ def test_what_counts_as_lost_and_as_landed() -> None:
         (replace(HOME, sink_mps=1.6, left_m=nan), 0),
         (replace(GOOD, ended="disengaged: too low"), 1),
         (replace(HOME, across_m=5.1), 2),
-        (replace(HOME, landing=False, left_m=nan, mean_mps=9.0, auto=2), 3),
+        (replace(HOME, landing=False, left_m=nan, case=HourCase(30.0, 9.0, 2)), 3),
     ],
 )
 def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
@@ -104,16 +105,21 @@ def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
 
 
 def test_what_is_lost_by_waiting_is_held_against_the_same_wind() -> None:
-    lost = replace(HOME, landing=False, mean_mps=9.0)
+    lost = replace(HOME, landing=False, case=HourCase(30.0, 9.0))
     for at_once, waited, holds in ((1, 1, True), (2, 1, True), (0, 1, False)):
-        flown = [lost] * at_once + [replace(lost, auto=2)] * waited
+        flown = [lost] * at_once + [replace(lost, case=HourCase(30.0, 9.0, 2))] * waited
         assert hour._claims(flown)[3].holds == holds
-    assert hour._claims([replace(lost, mean_mps=7.0), replace(lost, auto=2)])[3].holds is False
+    assert (
+        hour._claims(
+            [replace(lost, case=HourCase(30.0)), replace(lost, case=HourCase(30.0, 9.0, 2))]
+        )[3].holds
+        is False
+    )
 
 
 def test_the_table_and_the_figure(flown: FlownHour, tmp_path: Path) -> None:
     table = hour._table({flown.case: [flown, HOME], GOOD.case: [GOOD]})
     assert all(len(row) == len(table.columns) for row in table.rows)
     assert hour.drawn_seed([GOOD, replace(HOME, seed=7)]) == 7
-    hour.draw_hour(tmp_path / "hour.png", HourJob(8.0, 4, 60.0))
+    hour.draw_hour(tmp_path / "hour.png", HourJob(HourCase(8.0), 4, 60.0))
     assert (tmp_path / "hour.png").stat().st_size > 10_000

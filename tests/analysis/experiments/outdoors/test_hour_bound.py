@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tgl_soar.analysis.experiments.outdoors.hour import HourJob, hill_of, record_of
+from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob, hill_of, record_of
 from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     SoaredHill,
     longest_s,
@@ -18,7 +18,7 @@ from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 
 @pytest.fixture(scope="module")
 def hill() -> SoaredHill:
-    return hill_of(HourJob(8.0, 1), shipped_hill().on_line("a").values)
+    return hill_of(HourJob(HourCase(8.0), 1), shipped_hill().on_line("a").values)
 
 
 def test_there_are_places_between_two_winds_alone(hill: SoaredHill) -> None:
@@ -43,7 +43,7 @@ def test_a_path_goes_on_in_a_steady_wind_and_falls_down_without(hill: SoaredHill
 
 
 def test_the_wind_is_that_across_the_ridge() -> None:
-    record = record_of(HourJob(8.0, 1))
+    record = record_of(HourJob(HourCase(8.0), 1))
     winds = wind_across(record, 60.0)
     assert len(winds) == 60
     assert winds[7] == pytest.approx(record.wind_mps.at(7.0) * np.cos(record.veer_rad.at(7.0)))

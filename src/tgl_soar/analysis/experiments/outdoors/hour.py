@@ -81,26 +81,24 @@ class HourCase(NamedTuple):
     """What a row of the table flies."""
 
     radius_m: float
-    mean_mps: float
-    auto: int  # ESC_AUTO
+    mean_mps: float = 7.0
+    auto: int = 1  # ESC_AUTO
 
 
 class HourJob(NamedTuple):
     """One flight to be flown."""
 
-    radius_m: float
+    case: HourCase
     seed: int
     duration_s: float = HOUR_S
     dispersed: bool = False  # another aircraft than the file's, and other gusts
-    mean_mps: float = 7.0
-    auto: int = 1
 
 
 @dataclass(frozen=True)
 class FlownHour:
     """One flight, from its seed."""
 
-    radius_m: float
+    case: HourCase
     seed: int
     duration_s: float
     possible_s: float  # a path that knows the wind to come
@@ -115,12 +113,6 @@ class FlownHour:
     across_m: float
     sink_mps: float
     landing: bool  # it ended so
-    mean_mps: float = 7.0
-    auto: int = 1
-
-    @property
-    def case(self) -> HourCase:
-        return HourCase(self.radius_m, self.mean_mps, self.auto)
 
     @property
     def lost(self) -> bool:
@@ -138,39 +130,29 @@ class FlownHour:
         return self.landing and touches_down_well(self.along_m, self.across_m, self.sink_mps)
 
 
-def _job_of(case: HourCase, seed: int, duration_s: float) -> HourJob:
-    return HourJob(
-        radius_m=case.radius_m,
-        seed=seed,
-        duration_s=duration_s,
-        mean_mps=case.mean_mps,
-        auto=case.auto,
-    )
-
-
 def record_of(job: HourJob) -> WindRecord:
     """The wind of a flight."""
-    return synthetic_record(SyntheticWind(mean_mps=job.mean_mps), job.seed)
+    return synthetic_record(SyntheticWind(mean_mps=job.case.mean_mps), job.seed)
 
 
 def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
     hill = shipped_hill().on_line(LINE)
     site, values = hill.site, hill.values
     assert site.ground is not None
-    by = job.radius_m / hill.air.radius_m
-    changes = {"ESC_AUTO": float(job.auto), "VEER_MAX": VEER_MAX_DEG}
+    by = job.case.radius_m / hill.air.radius_m
+    changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": VEER_MAX_DEG}
     if by != 1.0:
         x, z = values["TGL_X"] * by, values["TGL_Z"] * by
         changes |= {name: values[name] * by for name in SCALED}
-        changes |= {"TGL_X": x, "TGL_Z": z, "LND_X": -job.radius_m - BEFORE_M}
+        changes |= {"TGL_X": x, "TGL_Z": z, "LND_X": -job.case.radius_m - BEFORE_M}
         profile = [(a * by, b * by) for a, b in site.ground.profile]
         site = msgspec.structs.replace(
             site,
             ground=msgspec.structs.replace(site.ground, profile=profile),
-            air=msgspec.structs.replace(hill.air, radius_m=job.radius_m),
+            air=msgspec.structs.replace(hill.air, radius_m=job.case.radius_m),
             start=Start(x_m=x, z_m=z - BELOW_M),
         )
-    field = RecordedField(HillField(hill.air.wind_mps, job.radius_m), record)
+    field = RecordedField(HillField(hill.air.wind_mps, job.case.radius_m), record)
     world = flown_world(
         hill.airframe,
         site,
@@ -194,7 +176,7 @@ def path_of(job: HourJob, record: WindRecord) -> tuple[Trajectory, ParameterSet]
 
 def hill_of(job: HourJob, values: ParameterSet) -> SoaredHill:
     """The hill as the bounds know it."""
-    return SoaredHill(job.radius_m, fence_of(values), values["CLEAR_MIN"], _polar_of(job))
+    return SoaredHill(job.case.radius_m, fence_of(values), values["CLEAR_MIN"], _polar_of(job))
 
 
 def _polar_of(job: HourJob) -> GlidePolar:
@@ -222,9 +204,7 @@ def fly_hour(job: HourJob) -> FlownHour:
     x, y, z = (float(flown[name][-1]) for name in ("x_m", "y_m", "z_m"))
     sink = (flown["z_m"][-2] - z) / (times[-1] - times[-2])
     return FlownHour(
-        radius_m=job.radius_m,
-        mean_mps=job.mean_mps,
-        auto=job.auto,
+        case=job.case,
         seed=job.seed,
         duration_s=float(times[-1]),
         possible_s=longest_s(hill, across, values["TGL_X"], values["TGL_Z"]),
@@ -248,14 +228,14 @@ def run(context: Context) -> Result:
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     duration_s = HOUR_S / 20.0 if context.quick else HOUR_S
     cases = [HourCase(radius, mean, auto) for radius in RADII_M for mean, auto in FLOWN]
-    jobs = [_job_of(case, seed, duration_s) for case in cases for seed in seeds]
+    jobs = [HourJob(case, seed, duration_s) for case in cases for seed in seeds]
     flown = context.each(fly_hour, jobs)
     by_case = {case: [each for each in flown if each.case == case] for case in cases}
     figures: tuple[str, ...] = ()
     if context.figures is not None:
         path = context.figures / "hour.png"
         seed = drawn_seed(by_case[cases[-1]])
-        draw_hour(path, _job_of(cases[-1], seed, duration_s))
+        draw_hour(path, HourJob(cases[-1], seed, duration_s))
         figures = (path.name,)
     return Result(
         name="hour",
@@ -288,9 +268,9 @@ def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
     disengaged = sum(each.ended.startswith("disengaged") for each in flown)
     left = [each for each in flown if isfinite(each.left_m)]
     landed = sum(each.landed for each in left)
-    windy = [each for each in flown if each.mean_mps == FLOWN[-1][0]]
-    waited = sum(each.lost for each in windy if each.auto == 2)
-    left_at_once = sum(each.lost for each in windy if each.auto == 1)
+    windy = [each for each in flown if each.case.mean_mps == FLOWN[-1][0]]
+    waited = sum(each.lost for each in windy if each.case.auto == 2)
+    left_at_once = sum(each.lost for each in windy if each.case.auto == 1)
     least = min((each.left_m for each in left), default=nan)
     return (
         Claim(
@@ -359,7 +339,7 @@ def _why(flown: list[FlownHour]) -> str:
     """How those ended that neither soared on nor landed."""
     bad = [each for each in flown if each.ended and not each.landed]
     ends = Counter(
-        f"{each.radius_m:g} m, {each.mean_mps:g} m/s, {each.auto}: {each.ended}"
+        f"{each.case.radius_m:g} m, {each.case.mean_mps:g} m/s, {each.case.auto}: {each.ended}"
         + (" (landing)" if each.landing else "")
         for each in bad
     )
@@ -396,8 +376,8 @@ def draw_hour(path: Path, job: HourJob) -> None:
         axes[3].axhline(0.0, color="k", lw=0.8)
         soared = np.count_nonzero(mode == SOARING) / 60.0
         axes[0].set_title(
-            f"hill of {job.radius_m:g} m, {job.mean_mps:g} m/s on average, seed {job.seed}:"
-            f" {MODE_NAMES[SOARING]} for {soared:.0f}"
+            f"hill of {job.case.radius_m:g} m, {job.case.mean_mps:g} m/s on average, seed"
+            f" {job.seed}: {MODE_NAMES[SOARING]} for {soared:.0f}"
             " min; shaded: on the way home"
         )
         axes[-1].set_xlabel("time [min]")
