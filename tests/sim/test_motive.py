@@ -87,7 +87,7 @@ def test_fixes_come_over_the_network(multicast: bool) -> None:
             fixes = listen(feed, 20)
         finally:
             feed.close()
-    assert len(fixes) == 20
+    assert len(fixes) >= 20  # more where some come together
     now = time.monotonic()
     for fix in fixes:
         assert (fix.north_m, fix.east_m, fix.down_m) == pytest.approx(PLACE, abs=0.004)
