@@ -46,7 +46,7 @@ class EscapeState(NamedTuple):
     left_m: float  # of height, averaged; NaN: not known
     rate_mps: float  # at which it changes, averaged
     counts_m: float  # left_m, or what is left once the wind has fallen
-    wind_mps: float  # across the ground, averaged over TREND_S; NaN: it does not soar
+    wind_mps: float  # averaged over TREND_S; NaN: it does not soar, or would not wait
     carried_mps: float  # the least of that in which this line has carried it; inf: none
     since_s: float  # since when there is some left that counts, or none
     armed: bool  # there was some left in this flight
@@ -88,9 +88,9 @@ def escape_step(
     left = escape_height(params, vehicle, air) if view.place_known else NAN
     if left != left:
         return NO_ESCAPE._replace(still_s=still_s, armed=state.armed)
-    state = _carried_step(state, view.soars, air, dt_s)._replace(still_s=still_s)
+    state = _carried_step(state, params.waits and view.soars, air, dt_s)._replace(still_s=still_s)
     counts = left
-    if params.waits and state.carried_mps < wind_speed(air):  # false for NaN
+    if state.carried_mps < wind_speed(air):  # false for NaN
         counts = escape_height(params, vehicle, slower(air, state.carried_mps))
     if state.left_m != state.left_m:
         return state._replace(left_m=left, counts_m=counts, since_s=now)
@@ -111,8 +111,8 @@ def escape_step(
 
 def _carried_step(state: EscapeState, soars: bool, air: AirEstimate, dt_s: float) -> EscapeState:
     """The least wind in which it has soared on this line; another line begins anew."""
-    wind = wind_speed(air)
-    if not soars or wind != wind:
+    wind = wind_speed(air) if soars else NAN
+    if wind != wind:
         return state._replace(wind_mps=NAN, carried_mps=INFINITE)
     averaged = state.wind_mps
     if averaged == averaged:
@@ -124,9 +124,8 @@ def _carried_step(state: EscapeState, soars: bool, air: AirEstimate, dt_s: float
 
 def is_short(state: EscapeState, now_s: float) -> bool:
     """Whether the last moment to break off has come."""
-    return (
-        state.armed and state.counts_m < 0.0 and now_s - state.since_s >= SHORT_S
-    )  # false for NaN
+    is_gone = state.counts_m < 0.0  # false for NaN
+    return state.armed and is_gone and now_s - state.since_s >= SHORT_S
 
 
 def time_left(state: EscapeState) -> float:

@@ -150,9 +150,14 @@ def _held(params: LaunchParams, state: LaunchState, view: LaunchView, dt_s: floa
     vehicle = view.vehicle
     now = vehicle.time_s
     push = state.push_mps * exp(-dt_s / PUSH_S) + _pushed_mps(state, view)
-    state = state._replace(imu_sequence=view.imu.sequence, imu_s=view.imu.time_s)
     low = min(view.clearance_min_m, HAND_FRACTION * view.clearance_m)
-    state = state._replace(push_mps=push, high_s=now, low_m=low)
+    state = state._replace(
+        push_mps=push,
+        high_s=now,
+        low_m=low,
+        imu_sequence=view.imu.sequence,
+        imu_s=view.imu.time_s,
+    )
     speed = _speed(vehicle) if view.position_ok else 0.0
     if not is_in_no_hand(vehicle, view.position_ok, view.clearance_m):
         state = state._replace(mark_s=now)

@@ -67,9 +67,8 @@ class TwoCampaigns(NamedTuple):
     by: str
     of: str
     counted: str  # the class whose shares they are
-    rows: list[
-        TwoProportions
-    ]  # of groups that both have; no sum, as each has its own number of each
+    # Of groups that both have; no sum, as each has its own number of each.
+    rows: list[TwoProportions]
     alone: tuple[list[str], list[str]]  # groups that only one of them has
 
 

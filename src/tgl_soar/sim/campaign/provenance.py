@@ -6,7 +6,6 @@ import os
 import platform
 import subprocess
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from functools import cache
 from hashlib import file_digest, sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -35,16 +34,6 @@ def _files() -> Iterator[Path]:
         yield from (path for path in folder.rglob("*") if path.is_file())
 
 
-def files_digest(paths: Iterable[Path]) -> str:
-    """Of files that jobs name and do not hold; one that cannot be read counts as empty: whoever
-    reads it says what is wrong with it."""
-    found = sha256()
-    for path in paths:
-        with suppress(OSError):
-            found.update(sha256(path.read_bytes()).digest())
-    return found.hexdigest()[:16]
-
-
 def sha256_of(path: Path) -> str:
     """Of one file, as `sha256sum` prints it; "": it cannot be read."""
     try:
@@ -52,6 +41,12 @@ def sha256_of(path: Path) -> str:
             return file_digest(file, sha256).hexdigest()
     except OSError:
         return ""
+
+
+def files_digest(paths: Iterable[Path]) -> str:
+    """Of files that jobs name and do not hold; one that cannot be read counts as empty: whoever
+    reads it says what is wrong with it."""
+    return sha256("".join(map(sha256_of, paths)).encode()).hexdigest()[:16]
 
 
 @cache
