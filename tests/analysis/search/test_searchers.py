@@ -97,7 +97,7 @@ def test_extremum_seeking_goes_up_the_slope_of_what_it_meets() -> None:
 
 
 def test_the_walk_takes_steps_of_its_constants_and_keeps_what_is_good() -> None:
-    walk = Walk(sighting(0.0), place("hill", 3))
+    walk = Walk(sighting(0.0), "hill", 3)
     places = set()
     for k in range(200):
         walk.look(sighting(0.2 * k, 0.8))
@@ -105,7 +105,7 @@ def test_the_walk_takes_steps_of_its_constants_and_keeps_what_is_good() -> None:
         step = ((walk.at[0] - walk.best[0]) ** 2 + (walk.at[1] - walk.best[1]) ** 2) ** 0.5
         assert step <= 1.0 + 1e-9
     assert len(places) > 5
-    still = Walk(sighting(0.0), place("hill", 3))
+    still = Walk(sighting(0.0), "hill", 3)
     seconds(still, 30.0)
     assert still.stays >= 10
     assert still.target == still.begin

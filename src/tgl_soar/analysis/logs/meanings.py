@@ -114,6 +114,9 @@ half of the shipped gain (0.95) would have commanded while accelerometers are in
 *The pitch setpoint shrinks with the gain. The elevator grows: the integral of the pitch loop keeps
 adding up an error that a real aircraft would have answered.*
 
+**Many logs.** `tgl-soar replay LOG... --out out/replay` keeps a row for each log, and a manifest of which logs were
+replayed by which source ([campaigns](campaigns.md#what-is-left)); `--resume` goes on where it was stopped.
+
 **Speed.** In plain Python a replay is some 15 times faster than the flight on each processor.
 `tgl-soar replay --compile` compiles the laws with numba, once for each version; from then on logs
 of more than 100 s are replayed several hundred times faster than they were flown. Where compiled

@@ -1,39 +1,26 @@
-"""One episode: the module's own closed loop, and somebody who moves its line.
-
-Between two looks (`LOOK_S`) the module's tick and the world fly compiled, and so does the tick that
-a look takes.  It sees what the module has aboard, and nothing else: its position, its estimate of
-the air, its line.
-"""
+"""One episode of a search: a flight at a random place, and somebody who moves its line."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from types import SimpleNamespace
-from typing import Any, Final, Protocol
-
-import numpy as np
+from typing import Final, Protocol
 
 from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.places import SearchPlace
+from tgl_soar.analysis.search.steered_flight import COLUMN, SteeredFlight
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_parameters
-from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS, laws_from
-from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, LineRequest, task_of
-from tgl_soar.control.search.lift_search import Sighting, guards_of, sighting_of
+from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS
+from tgl_soar.control.search.glimpse import LineRequest
+from tgl_soar.control.search.lift_search import Sighting
 from tgl_soar.control.search.rollout import floor_at
-from tgl_soar.control.throttle import can_hold
 from tgl_soar.onboard.line_moves import line_parameters_of
-from tgl_soar.sim.compiled import cell, compiled
-from tgl_soar.sim.compiled_flight import begun, prepare, why_it_stands_so
-from tgl_soar.sim.flight import FLIES, Row
+from tgl_soar.sim.compiled_flight import why_it_stands_so
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
-from tgl_soar.sim.watched_flight import Looked, fly_to_look_in_cells
 
-_COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
-_THROTTLE: Final = _COLUMN["throttle"]
 ALREADY: Final = ("drag", "wind", "slope_rad")  # of a place: drawn with it, and known to no file
 # SAOS's upright line; and whoever searches flies in mode searching.
 SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
@@ -61,7 +48,7 @@ class Episode:
     landing_m: float = 0.0
 
 
-class EpisodeFlight:
+class EpisodeFlight(SteeredFlight):
     """The module's closed loop at a place, looked at every `LOOK_S`."""
 
     def __init__(
@@ -73,14 +60,14 @@ class EpisodeFlight:
         pitot: bool = True,
         plain: bool = False,
     ) -> None:
-        """parameters: beside those of the site; plain: nothing compiled, a hundred times as long.
+        """parameters: beside those of the site; plain: as of `SteeredFlight`.
 
         Errors: `ConfigError`; ImportError without numba.
         """
+        self.place = place
         factor = place.sink_factor
         drag = [(f"model.{key}", airframe.model[key] * factor) for key in ("CD0", "CD_lift")]
-        self.place, self.pitot = place, pitot
-        self.world = world = flown_world(
+        world = flown_world(
             airframe,
             place.site,
             place.seed,
@@ -91,71 +78,9 @@ class EpisodeFlight:
             sensors=Sensors(imu=MEMS_IMU, airspeed=PITOT if pitot else None, surfaces=READ_BACK),
         )
         name = place.site.site.name
-        self.values = load_parameters(airframe, name, place.site, name).changed(parameters)
-        laws = laws_from(self.values, world.frame, world.aerodynamics, world.ground)
-        self.guards = guards_of(task_of(laws)._replace(polar=airframe.polar.as_polar()))
-        parts, flight = begun(prepare(world, place.duration_s), place.seed)
-        self._cell: Callable[[object], Any] = _plain_cell if plain else cell
-        self._fly = fly_to_look_in_cells if plain else compiled(fly_to_look_in_cells)
-        self._parts, self._laws = self._cell(parts), self._cell(laws)
-        self._throttle = laws.throttle
-        self.used_s = 0.0  # of full throttle
-        self._flight = self._cell(flight)
-        self.rows = np.empty((round(place.duration_s * world.step_hz), len(Row._fields)))
-        self._changes = 0
-        self.now: Looked | None = None  # the last look; None: there was none
-        self._before: Looked | None = None  # the one before it, in control
-
-    @property
-    def time_s(self) -> float:
-        """Since the start."""
-        return 0.0 if self.now is None else self.now.steps / self.world.step_hz
-
-    @property
-    def flies(self) -> bool:
-        """Whether it goes on."""
-        now = self.now
-        return now is None or (now.steps < len(self.rows) and now.standing == FLIES)
-
-    def look(self) -> Sighting | None:
-        """Fly on to the next look; None: the search sees nothing in it."""
-        begin = 0 if self.now is None else self.now.steps
-        until = min(begin + round(LOOK_S * self.world.step_hz), len(self.rows))
-        now = self._fly(self._parts, self._laws, self._flight, until, self._changes, self.rows)
-        self.now, before = now, self._before
-        self._before = now
-        self.used_s += float(self.rows[begin : now.steps, _THROTTLE].sum()) / self.world.step_hz
-        if before is None or not now.active or not before.active:
-            return None
-        since = self.rows[begin : now.steps]
-        wind_mps = float(np.mean(since[:, _COLUMN["air_wind_mps"]]))
-        glimpse = Glimpse(
-            before=before.vehicle,
-            now=now.vehicle,
-            line=now.line,
-            wind_mps=wind_mps,
-            updraft_mps=float(np.mean(since[:, _COLUMN["air_updraft_mps"]])),
-            pitot=self.pitot,
-            seeks=True,
-            refused=False,
-            pushed_mps=0.5 * (before.pushed_mps + now.pushed_mps),
-            carried=can_hold(
-                self._throttle,
-                self.used_s,
-                min(0.0, now.vehicle.climb_mps),
-                wind_mps - now.vehicle.velocity_x_mps,
-            ),
-        )
-        return sighting_of(self.guards, glimpse)
-
-    def set(self, wanted: dict[str, float]) -> None:
-        """Set parameters between two ticks.  Errors: `ParameterError`."""
-        if any(self.values[key] != value for key, value in wanted.items()):
-            world = self.world
-            self.values = self.values.changed(wanted, flying=True)
-            laws = laws_from(self.values, world.frame, world.aerodynamics, world.ground)
-            self._laws = self._cell(laws)  # only compiled functions write to one
-            self._changes += 1
+        values = load_parameters(airframe, name, place.site, name).changed(parameters)
+        polar = airframe.polar.as_polar()
+        super().__init__(world, values, polar, place.duration_s, place.seed, plain=plain)
 
     def ended(self, episode: Episode) -> Episode:
         """The episode with what the flight came to."""
@@ -164,7 +89,7 @@ class EpisodeFlight:
         episode.ended = why_it_stands_so(world, now.standing, now.reason, now.aircraft)
         episode.flown_s = self.time_s
         kept = self.rows[: now.steps : world.step_hz // 10]
-        episode.path = {column: kept[:, n].copy() for column, n in _COLUMN.items()}
+        episode.path = {column: kept[:, n].copy() for column, n in COLUMN.items()}
         floor_m = float(floor_at(place.ground, now.aircraft.x_m, place.box.z_min_m))
         episode.height_left_m = now.aircraft.z_m - floor_m
         return episode
@@ -221,8 +146,3 @@ def obeyed(flight: EpisodeFlight, episode: Episode, request: LineRequest) -> boo
     standing = SEARCH_SOARS if request.soaring else SEARCH_LOOKS
     flight.set(line_parameters_of(request.target) | {"SRCH_START": float(standing)})
     return True
-
-
-def _plain_cell(value: object) -> SimpleNamespace:
-    """A cell of plain Python."""
-    return SimpleNamespace(value=value)

@@ -16,7 +16,7 @@ import numpy as np
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.search.compiled_rollouts import fastest_roll_out
 from tgl_soar.analysis.search.episode import Searcher
-from tgl_soar.analysis.search.places import SearchPlace
+from tgl_soar.analysis.search.places import Kind, SearchPlace
 from tgl_soar.control.search.glimpse import (
     GIVEN_UP,
     LOOKING,
@@ -249,10 +249,12 @@ class Walk(Baseline):
 
     STAY_S: Final = 2.0
 
-    def __init__(self, look: Sighting, place: SearchPlace) -> None:
+    STEPS_M: Final[dict[Kind, tuple[float, float]]] = {"tunnel": (0.03, 0.15), "hill": (0.1, 1.0)}
+
+    def __init__(self, look: Sighting, kind: Kind, seed: int) -> None:
         super().__init__(look)
-        self.rng = np.random.default_rng((place.seed, 8))
-        self.steps = (0.03, 0.15) if place.kind == "tunnel" else (0.1, 1.0)
+        self.rng = np.random.default_rng((seed, 8))
+        self.steps = self.STEPS_M[kind]
         self.cost, self.sum, self.count = float("inf"), 0.0, 0
         self.at = self.best = (self.begin.x_m, self.begin.z_m)
         self.temperature = 0.3
@@ -322,7 +324,7 @@ def searcher(name: str, place: SearchPlace, polar: GlidePolar, look: Sighting) -
         "map and rollouts": lambda: MapSearch(polar),
         "line through the start": lambda: StartLine(look),
         "extremum seeking": lambda: ExtremumSeeking(look),
-        "AOSoar's walk": lambda: Walk(look, place),
+        "AOSoar's walk": lambda: Walk(look, place.kind, place.seed),
         "SAOS's rule": lambda: Upright(look),
         "random lines": lambda: RandomLines(look, place),
         "oracle": lambda: Oracle(look, polar, place),

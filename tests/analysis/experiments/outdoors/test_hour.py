@@ -11,7 +11,7 @@ import pytest
 
 from tgl_soar.air.gusts import Schedule
 from tgl_soar.air.wind_record import WindRecord
-from tgl_soar.analysis.experiments.outdoors import hour
+from tgl_soar.analysis.experiments.outdoors import hour, hour_walk
 from tgl_soar.analysis.experiments.outdoors.hour import (
     FlownHour,
     HourCase,
@@ -28,13 +28,16 @@ GOOD = FlownHour(
 HOME = replace(
     GOOD, soared_s=600.0, ended="hit the ground", left_m=12.0, broke_at_m=40.0, landing=True
 )
+POWERED = replace(GOOD, case=HourCase(30.0, 7.0, 0, hour.POWERED), soared_s=900.0, throttle_s=20.0)
+WALKED = replace(POWERED, case=HourCase(30.0, 7.0, 0, hour.WALK))
 
 
 @pytest.fixture(scope="module", autouse=True)
 def plainly() -> Iterator[None]:
     """A few landings take less than the kernel's compiling, which takes minutes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hour, "available", lambda: False)
+        for module in (hour, hour_walk):
+            patch.setattr(module, "available", lambda: False)
         yield
 
 
@@ -98,10 +101,34 @@ def test_what_counts_as_lost_and_as_landed() -> None:
     ],
 )
 def test_each_claim_can_fail(bad: FlownHour, claim: int) -> None:
-    assert all(found.holds for found in hour._claims([GOOD, HOME]))
-    found = hour._claims([GOOD, HOME, bad])
+    good = [GOOD, HOME, POWERED, WALKED]
+    assert all(found.holds for found in hour._claims(good))
+    found = hour._claims([*good, bad])
     also = (0,) if claim == 3 else ()
-    assert [each.holds for each in found] == [i not in (claim, *also) for i in range(4)]
+    assert [each.holds for each in found] == [i not in (claim, *also) for i in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("walked", "holds"),
+    [
+        (replace(WALKED, soared_s=899.0, throttle_s=21.0), True),
+        (replace(WALKED, soared_s=901.0), False),
+        (replace(WALKED, throttle_s=19.0), False),
+    ],
+)
+def test_the_line_is_held_against_the_walk(walked: FlownHour, *, holds: bool) -> None:
+    assert hour._beside_the_walk([POWERED, walked]).holds == holds
+    hit = replace(POWERED, ended="hit the hill")
+    assert not hour._beside_the_walk([POWERED, hit, walked, walked]).holds
+    assert not hour._beside_the_walk([GOOD]).holds  # of nobody nothing is shown
+    waits = replace(POWERED, case=POWERED.case._replace(auto=2), throttle_s=100.0)
+    assert hour._beside_the_walk([POWERED, waits, walked]).holds == holds
+
+
+def test_what_others_lose_is_not_the_lines() -> None:
+    hit = replace(WALKED, ended="hit the hill")
+    claims = hour._claims([GOOD, HOME, POWERED, WALKED, hit])
+    assert [each.holds for each in claims] == [True] * 5
 
 
 def test_what_is_lost_by_waiting_is_held_against_the_same_wind() -> None:
@@ -121,5 +148,23 @@ def test_the_table_and_the_figure(flown: FlownHour, tmp_path: Path) -> None:
     table = hour._table({flown.case: [flown, HOME], GOOD.case: [GOOD]})
     assert all(len(row) == len(table.columns) for row in table.rows)
     assert hour.drawn_seed([GOOD, replace(HOME, seed=7)]) == 7
+    rows = hour._table({each.case: [each] for each in (POWERED, GOOD)}).rows
+    assert [row[table.columns.index("throttle [s]")] for row in rows] == ["20, 20, 20", "–"]
     hour.draw_hour(tmp_path / "hour.png", HourJob(HourCase(8.0), 4, 60.0))
     assert (tmp_path / "hour.png").stat().st_size > 10_000
+
+
+def test_the_walk_moves_the_line_and_a_propeller_is_counted() -> None:
+    """Where the wind falls to one in which no line holds the aircraft up, power is spent."""
+    falls = WindRecord(Schedule([0.0, 3.0, 5.0], [6.6, 6.6, 4.8]), Schedule([0.0], [0.0]))
+    case = HourCase(8.0, 6.6, 0)
+    paths = {
+        who: path_of(HourJob(case._replace(who=who), 3, 12.0), falls)[0]
+        for who in (hour.LINE, hour.POWERED, hour.WALK)
+    }
+    moves = {who: path["target_changes"][-1] for who, path in paths.items()}
+    assert moves[hour.WALK] > 2.0
+    assert moves[hour.LINE] == moves[hour.POWERED] == 0.0
+    used = {who: float(path["throttle"].sum()) for who, path in paths.items()}
+    assert used[hour.LINE] == 0.0
+    assert used[hour.POWERED] > 0.0

@@ -8,6 +8,10 @@ line stands still, the nose follows the wind (`VEER_MAX`), and the module has le
 with 1 and with 2, which waits there.  Beside it is what a path soars from the same place that knows
 the wind to come (`hour_bound`): what nobody can is not held against it.
 
+Baselines, in the first of the same winds: the same with a propeller to fall back on, and AOSoar's
+walk with it (`hour_walk`); both may use `BUDGET_S` of full throttle.  The walk knows no way home,
+so that beside it the line has none either (`ESC_AUTO` 0).
+
 Two hills of potential flow: the shipped one of 8 m, and one of 30 m, whose lines, fence and air are
 those of the first by 30 / 8 and whose landing place is 50 m before its foot: what a lull costs in
 height the first does not have.
@@ -39,13 +43,14 @@ from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     share_soarable,
     wind_across,
 )
+from tgl_soar.analysis.experiments.outdoors.hour_walk import walked
 from tgl_soar.analysis.experiments.outdoors.outdoors import (
     ALREADY,
     SINK_MPS,
     span,
     touches_down_well,
 )
-from tgl_soar.analysis.experiments.outdoors.shipped_hill import BELOW_M, shipped_hill
+from tgl_soar.analysis.experiments.outdoors.shipped_hill import BELOW_M, ShippedHill, shipped_hill
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.scoring import fraction_text
@@ -61,7 +66,7 @@ from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.world import World, flown_aircraft
 from tgl_soar.types import GlidePolar
 
-LINE: Final = "a"
+SOARED_LINE: Final = "a"
 FLIGHTS: Final = 100
 QUICK: Final = 1
 FIRST_SEED: Final = 9201  # 9001 to 9008 were flown in 8 m/s, 9101 to 9110 before
@@ -72,6 +77,16 @@ FLOWN: Final = ((7.0, 1), (9.0, 1), (9.0, 2))
 INTENSITY: Final = 0.03
 RADII_M: Final = (8.0, 30.0)  # the first is the shipped one
 BEFORE_M: Final = 50.0  # the larger hill's landing place before its foot
+# Who flies.
+LINE: Final = "the line"
+POWERED: Final = "the line, propeller"
+WALK: Final = "AOSoar's walk, propeller"
+COMPARED: Final = tuple(
+    (mean, *each) for mean in (7.0, 9.0) for each in ((0, POWERED), (0, WALK), (2, POWERED))
+)
+COMPARED_FLIGHTS: Final = 25  # of each
+BUDGET_S: Final = 600.0  # as much as may be set: ten minutes of full throttle in an hour
+PROPELLER: Final = "eclipson_c_propeller"
 # The nose may turn by twice the veer that is laid over the record: its spectra add to that.
 VEER_MAX_DEG: Final = 45.0
 SCALED: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Y_MAX", "FENCE_Z_MAX", "ESC_X", "WPT_X")
@@ -83,6 +98,7 @@ class HourCase(NamedTuple):
     radius_m: float
     mean_mps: float = 7.0
     auto: int = 1  # ESC_AUTO
+    who: str = LINE
 
 
 class HourJob(NamedTuple):
@@ -113,6 +129,7 @@ class FlownHour:
     across_m: float
     sink_mps: float
     landing: bool  # it ended so
+    throttle_s: float = 0.0  # of full throttle
 
     @property
     def lost(self) -> bool:
@@ -135,12 +152,18 @@ def record_of(job: HourJob) -> WindRecord:
     return synthetic_record(SyntheticWind(mean_mps=job.case.mean_mps), job.seed)
 
 
+def _hill_of(case: HourCase) -> ShippedHill:
+    return shipped_hill() if case.who == LINE else shipped_hill(PROPELLER)
+
+
 def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
-    hill = shipped_hill().on_line(LINE)
+    hill = _hill_of(job.case).on_line(SOARED_LINE)
     site, values = hill.site, hill.values
     assert site.ground is not None
     by = job.case.radius_m / hill.air.radius_m
     changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": VEER_MAX_DEG}
+    if job.case.who != LINE:
+        changes["THR_BUDGET"] = BUDGET_S
     if by != 1.0:
         x, z = values["TGL_X"] * by, values["TGL_Z"] * by
         changes |= {name: values[name] * by for name in SCALED}
@@ -169,6 +192,9 @@ def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
 def path_of(job: HourJob, record: WindRecord) -> tuple[Trajectory, ParameterSet]:
     """The whole flight, and with which parameters."""
     world, values = _world_of(job, record)
+    if job.case.who == WALK:
+        polar = _hill_of(job.case).airframe.polar.as_polar()
+        return walked(world, values, polar, job.duration_s, job.seed), values
     if available():
         return fly_compiled(prepare(world, job.duration_s), job.seed, values, ()), values
     return fly(world, values, (), job.duration_s), values
@@ -181,7 +207,7 @@ def hill_of(job: HourJob, values: ParameterSet) -> SoaredHill:
 
 def _polar_of(job: HourJob) -> GlidePolar:
     """Of the aircraft that flies: the file's, or as the file's was fitted to its glides."""
-    airframe = shipped_hill().airframe
+    airframe = _hill_of(job.case).airframe
     if not job.dispersed:
         return airframe.polar.as_polar()
     figures = mismatched_figures(airframe, drawn_mismatch(job.seed, ALREADY))
@@ -219,6 +245,7 @@ def fly_hour(job: HourJob) -> FlownHour:
         across_m=y - values["LND_Y"],
         sink_mps=float(sink),
         landing=int(mode[-1]) == LANDING and "ground" in flown.ended,
+        throttle_s=float(flown["throttle"].sum() * (times[1] - times[0])),
     )
 
 
@@ -227,27 +254,35 @@ def run(context: Context) -> Result:
     count = QUICK if context.quick else context.episodes or FLIGHTS
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     duration_s = HOUR_S / 20.0 if context.quick else HOUR_S
-    cases = [HourCase(radius, mean, auto) for radius in RADII_M for mean, auto in FLOWN]
-    jobs = [HourJob(case, seed, duration_s) for case in cases for seed in seeds]
+    asked = [(mean, auto, LINE) for mean, auto in FLOWN] + list(COMPARED)
+    cases = [HourCase(radius, *each) for radius in RADII_M for each in asked]
+    few = seeds[:COMPARED_FLIGHTS]
+    jobs = [
+        HourJob(case, seed, duration_s)
+        for case in cases
+        for seed in (seeds if case.who == LINE else few)
+    ]
     flown = context.each(fly_hour, jobs)
     by_case = {case: [each for each in flown if each.case == case] for case in cases}
     figures: tuple[str, ...] = ()
     if context.figures is not None:
         path = context.figures / "hour.png"
-        seed = drawn_seed(by_case[cases[-1]])
-        draw_hour(path, HourJob(cases[-1], seed, duration_s))
+        drawn = HourCase(RADII_M[-1], *FLOWN[-1])
+        draw_hour(path, HourJob(drawn, drawn_seed(by_case[drawn]), duration_s))
         figures = (path.name,)
     return Result(
         name="hour",
         title="up to an hour in a wind that turns, dies and comes again",
-        flown=f"{count} flights for each row, over half cylinders of {RADII_M[0]:g} and"
+        flown=f"{count} flights for each row of the line and {len(few)} for each with a propeller,"
+        f" over half cylinders of {RADII_M[0]:g} and"
         f" {RADII_M[1]:g} m,"
         " each in a synthetic wind of its own: the spectra of Kaimal and"
         " others below 0.05 Hz, lulls by 10 to 30 %, veer of 20° to either side; gusts of"
         f" {100 * INTENSITY:g} %. The line stands still. *Possible* is a path on no line that knows"
         " the wind to come; *soarable* the share of the hour in which there is any place. With"
         " accelerometers, without a pitot tube. With `ESC_AUTO` 1 it breaks off where the landing"
-        " place would get out of reach; with 2 it waits there as long as it soars.",
+        " place would get out of reach; with 2 it waits there as long as it soars. A propeller may"
+        f" be used for {BUDGET_S:g} s of full throttle.",
         claims=_claims(flown),
         why=_why(flown),
         tables=(_table(by_case),),
@@ -263,7 +298,8 @@ def drawn_seed(flown: list[FlownHour]) -> int:
     return max(home, key=lambda each: each.soared_s).seed
 
 
-def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
+def _claims(every: list[FlownHour]) -> tuple[Claim, ...]:
+    flown = [each for each in every if each.case.who == LINE]
     lost = sum(each.lost for each in flown)
     disengaged = sum(each.ended.startswith("disengaged") for each in flown)
     left = [each for each in flown if isfinite(each.left_m)]
@@ -295,6 +331,26 @@ def _claims(flown: list[FlownHour]) -> tuple[Claim, ...]:
             waited <= left_at_once,
             f"{waited} with `ESC_AUTO` 2, {left_at_once} in the same wind with 1",
         ),
+        _beside_the_walk(every),
+    )
+
+
+def _beside_the_walk(flown: list[FlownHour]) -> Claim:
+    """Who holds a line has no less of the hour than who walks, and needs no more power for it."""
+
+    def of(who: str) -> tuple[float, float, int]:
+        some = [each for each in flown if each.case.who == who and each.case.auto == 0]
+        minutes = fmean(each.soared_s for each in some) / 60.0 if some else nan
+        used = fmean(each.throttle_s for each in some) if some else nan
+        return minutes, used, sum(each.lost for each in some)
+
+    (ours_min, ours_s, ours_lost), (walk_min, walk_s, walk_lost) = of(POWERED), of(WALK)
+    return Claim(
+        "with the same propeller, and no way home, the line soars as long as AOSoar's walk, with no"
+        " more throttle and no more losses",
+        ours_min >= walk_min and ours_s <= walk_s and ours_lost <= walk_lost,
+        f"{ours_min:.1f} and {walk_min:.1f} min, {ours_s:.0f} and {walk_s:.0f} s of full throttle"
+        f" on average, {ours_lost} and {walk_lost} lost",
     )
 
 
@@ -307,6 +363,7 @@ def _table(by_case: dict[HourCase, list[FlownHour]]) -> Table:
                 f"{case.radius_m:g}",
                 f"{case.mean_mps:g}",
                 f"{case.auto}",
+                case.who,
                 f"{len(some)}",
                 f"{sum(not each.ended for each in some)}",
                 f"{len(home)}",
@@ -317,6 +374,7 @@ def _table(by_case: dict[HourCase, list[FlownHour]]) -> Table:
                 f"{fmean(each.soared_s for each in some) / 60.0:.1f}",
                 f"{fmean(each.possible_s for each in some) / 60.0:.1f}",
                 f"{100.0 * fmean(each.soarable for each in some):.1f} %",
+                "–" if case.who == LINE else span([each.throttle_s for each in some], 0),
                 span([each.left_m for each in home]),
                 span([each.broke_at_m for each in home]),
                 span([each.wind_mps for each in home]),
@@ -326,9 +384,9 @@ def _table(by_case: dict[HourCase, list[FlownHour]]) -> Table:
             )
         )
     columns = (
-        "hill [m]", "wind, mean [m/s]", "`ESC_AUTO`", "flights", "soared to the end",
+        "hill [m]", "wind, mean [m/s]", "`ESC_AUTO`", "who", "flights", "soared to the end",
         "broke off", "landed as they should", "disengaged", "lost", "soared [min]", "mean",
-        "possible [min], mean", "soarable",
+        "possible [min], mean", "soarable", "throttle [s]",
         "height left then [m]",
         "from [m]", "wind then [m/s]", "along [m]", "across [m]", "sink [m/s]",
     )  # fmt: skip
@@ -339,8 +397,8 @@ def _why(flown: list[FlownHour]) -> str:
     """How those ended that neither soared on nor landed."""
     bad = [each for each in flown if each.ended and not each.landed]
     ends = Counter(
-        f"{each.case.radius_m:g} m, {each.case.mean_mps:g} m/s, {each.case.auto}: {each.ended}"
-        + (" (landing)" if each.landing else "")
+        f"{each.case.radius_m:g} m, {each.case.mean_mps:g} m/s, {each.case.auto},"
+        f" {each.case.who}: {each.ended}" + (" (landing)" if each.landing else "")
         for each in bad
     )
     return "; ".join(f"{end}: {count}" for end, count in ends.most_common())

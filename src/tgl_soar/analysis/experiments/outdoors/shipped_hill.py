@@ -37,8 +37,8 @@ class ShippedHill(NamedTuple):
         return self._replace(site=site, values=self.values.changed(line_parameters(line)))
 
 
-def shipped_hill() -> ShippedHill:
-    """As shipped.  Errors: `ConfigError`."""
-    airframe, site, values = load_flight(airframe_file(AIRFRAME), site_file(SITE))
+def shipped_hill(airframe_name: str = AIRFRAME) -> ShippedHill:
+    """As shipped, with one of the shipped aircraft.  Errors: `ConfigError`."""
+    airframe, site, values = load_flight(airframe_file(airframe_name), site_file(SITE))
     assert isinstance(site.air, HillAir)
     return ShippedHill(airframe=airframe, site=site, air=site.air, values=values)
