@@ -56,7 +56,7 @@ ANALYSIS = (
     "analysis/experiments/outdoors/test_hour.py", "analysis/experiments/test_catalogue.py",
     "analysis/experiments/test_concluded.py",
     "analysis/experiments/test_experiment_commands.py", "analysis/experiments/test_flights.py",
-    "analysis/experiments/test_mismatch.py", "analysis/experiments/test_plans.py",
+    "analysis/experiments/test_random_aircraft.py", "analysis/experiments/test_plans.py",
     "analysis/logs/test_models_from_other_logs.py",
     "analysis/rare/test_soaring_process.py", "analysis/rare/test_splitting.py",
     "analysis/replay/test_replay.py", "analysis/report/test_figures.py",

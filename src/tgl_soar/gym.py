@@ -42,7 +42,7 @@ except ImportError as error:
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS
-from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_flight, shipped

@@ -39,7 +39,7 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.excitation import LEAD_S, RUNNING, WHOLE_S, multisine
 from tgl_soar.control.laws import laws_from
-from tgl_soar.onboard.flightlog.declaration import VERSION
+from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.sim.aircraft import aircraft_model

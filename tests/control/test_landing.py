@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tgl_soar.control import escape, landing
-from tgl_soar.control.escape import (
+from tgl_soar.control import glide_home, landing
+from tgl_soar.control.glide_home import (
     NO_ESCAPE,
     EscapeState,
     EscapeView,
@@ -653,7 +653,7 @@ def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
     for k in range(300):
         vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
         state = escape_step(PARAMS, state, EscapeView(True, True, False, True), vehicle, air(), DT)
-        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= escape.STILL_S - 1e-9)
+        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= glide_home.STILL_S - 1e-9)
     hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
     assert not is_on_ground(PARAMS, state, hovering, inf)
 

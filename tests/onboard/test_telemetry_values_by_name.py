@@ -20,7 +20,7 @@ from tgl_soar.link.messages import (
     ID_WIND_COV,
     ComponentMetadata,
 )
-from tgl_soar.onboard.flightlog.declaration import rebuilt
+from tgl_soar.onboard.flightlog.topics import rebuilt
 from tgl_soar.onboard.telemetry_values import (
     ARRAY,
     ARRAY_ID,

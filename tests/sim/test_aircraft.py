@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.estimation.polar import fit_polar
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
-from tgl_soar.sim import sensing, sensors, servos
+from tgl_soar.sim import sensor_sampling, sensors, servos
 from tgl_soar.sim.aircraft import (
     RATE_LIMIT_RADPS,
     AircraftModel,
@@ -646,9 +646,9 @@ def test_compiled_sensors_measure_the_same() -> None:
         )
     timing = sensors.sensor_timing("position", 50.0, 0.04, 200.0)
     line = [NO_FIX._replace(sequence=n) for n in range(3)]
-    fast_delivered = _compile(sensing.delivered)
+    fast_delivered = _compile(sensor_sampling.delivered)
     for n in range(20):
-        expected = sensing.delivered(timing, line, n).sequence
+        expected = sensor_sampling.delivered(timing, line, n).sequence
         assert fast_delivered(timing, tuple(line), n).sequence == expected
 
 

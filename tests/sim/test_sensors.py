@@ -22,7 +22,7 @@ from tgl_soar.sim.aircraft import (
     gliding_state,
     specific_force_frd,
 )
-from tgl_soar.sim.sensing import (
+from tgl_soar.sim.sensor_sampling import (
     FlownSensors,
     delivered,
     flown_sensors,

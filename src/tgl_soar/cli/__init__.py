@@ -12,7 +12,7 @@ Commands of more than one file, and what goes with one
   compile              direct_tuples: named tuples in the copy that is compiled
   init                 service_unit: the systemd unit
   site                 site_init: `tgl-soar site init`
-  log                  layouts: PlotJuggler's and Foxglove's
+  log                  log_layouts: PlotJuggler's and Foxglove's
   campaign             rare: `tgl-soar campaign rare`
   mavproxy_tgl         no command of ours: `tgl` at MAVProxy's prompt
 """

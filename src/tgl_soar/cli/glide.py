@@ -10,7 +10,7 @@ import typer
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, fail
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.onboard.flightlog.declaration import VERSION
+from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 

@@ -15,7 +15,7 @@ from typing import Annotated, Final
 import typer
 
 from tgl_soar.cli.console import console, errors, fail
-from tgl_soar.cli.layouts import foxglove, plotjuggler
+from tgl_soar.cli.log_layouts import foxglove, plotjuggler
 from tgl_soar.cli.service_unit import hidden, unit
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, shipped, shipped_names

@@ -28,7 +28,7 @@ from tgl_soar.cli.console import (
 from tgl_soar.cli.log import read
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
-from tgl_soar.onboard.flightlog.declaration import TOPICS, unit_of
+from tgl_soar.onboard.flightlog.topics import TOPICS, unit_of
 from tgl_soar.sim.campaign.executors import Executor, WorkerLost, local
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder

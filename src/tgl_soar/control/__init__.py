@@ -15,8 +15,8 @@ Deciding
   forecast             where the aircraft will stop
 
 Other ways to fly
-  launch_landing       launch, way home and landing in a tick: launch, landing, weaving, escape,
-                       airspeed_error, wind_triangle
+  launch_landing       launch, way home and landing in a tick: launch, landing, weaving,
+                       airspeed_error, wind_triangle;  glide_home: the height and time left for it
   point                the point on the line in a tick: point_hold, brake_watch, brake_shake
   power                a propeller in a tick: throttle
   search/, survey      looking for lift;  drawing the contour

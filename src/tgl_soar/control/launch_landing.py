@@ -12,7 +12,8 @@ from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.conditions import is_place_known
 from tgl_soar.control.envelope import OUT_DOWNSTREAM, Limited, Margins
-from tgl_soar.control.escape import (
+from tgl_soar.control.estimates import Estimates
+from tgl_soar.control.glide_home import (
     NO_ESCAPE,
     EscapeState,
     EscapeView,
@@ -21,7 +22,6 @@ from tgl_soar.control.escape import (
     is_short,
     time_left,
 )
-from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
     NO_GLIDE,

@@ -6,9 +6,9 @@ from typing import Final
 
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.envelope import Margins
-from tgl_soar.control.escape import time_left
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.forecast import OUTSIDE, SETTLES, TOO_LOW, Forecast
+from tgl_soar.control.glide_home import time_left
 from tgl_soar.control.launch_landing import LaunchLandingState
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.point_hold import BrakeEffect

@@ -26,7 +26,7 @@ The process
   loop, pacing         wait, take in, tick;  when the next tick is due
   realtime             priority, locked memory, clock
   watchdog             the parent process;  watchdog_release: it releases a dead child's surfaces
-  flightlog/           the flight log, from its declaration to the disk
+  flightlog/           the flight log, from its topics to the disk
   link_load            whether a serial line carries the flight
   native               native code, made by `tgl-soar compile`
   console, standard_streams    words for the console

@@ -63,7 +63,7 @@ MODULES: Final = (
     "tgl_soar.control.wind_triangle",
     "tgl_soar.control.weaving",
     "tgl_soar.control.landing",
-    "tgl_soar.control.escape",
+    "tgl_soar.control.glide_home",
     "tgl_soar.control.lateral_schedule",
     "tgl_soar.control.launch",
     "tgl_soar.control.pitch_schedule",

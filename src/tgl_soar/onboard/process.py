@@ -54,8 +54,8 @@ from tgl_soar.link.transports.base import LinkError, LinkNotReadyError, Transpor
 from tgl_soar.onboard import link_load, loop, native, realtime, watchdog
 from tgl_soar.onboard.command_line import RunOptions, options_of
 from tgl_soar.onboard.console import say
-from tgl_soar.onboard.flightlog.declaration import VERSION
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
+from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server

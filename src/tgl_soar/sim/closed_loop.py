@@ -26,7 +26,7 @@ from tgl_soar.control.laws import laws_from
 from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.sim.flight import Row, inputs_at, row_of
 from tgl_soar.sim.injection import DirectLink, Injection
-from tgl_soar.sim.sensing import Samples
+from tgl_soar.sim.sensor_sampling import Samples
 from tgl_soar.sim.world import World
 from tgl_soar.types import Inputs, SurfaceCommand
 

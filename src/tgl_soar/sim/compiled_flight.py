@@ -33,7 +33,7 @@ from tgl_soar.sim.flight import (
     fly_ticks,
 )
 from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.sensing import FlownSensors, flown_sensors
+from tgl_soar.sim.sensor_sampling import FlownSensors, flown_sensors
 from tgl_soar.sim.white_noise import (
     NO_ROWS,
     Rows,

@@ -20,7 +20,7 @@ from tgl_soar.control.throttle import ThrottleReport
 from tgl_soar.estimation.ground_range import GroundRange
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import AircraftState, Wind, air_data
-from tgl_soar.sim.sensing import Samples
+from tgl_soar.sim.sensor_sampling import Samples
 from tgl_soar.sim.world_step import Cell, Parts, WorldNow, world_step
 from tgl_soar.types import AutopilotStatus, Inputs, SurfaceCommand
 

@@ -23,7 +23,7 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import Gust, GustyField, ScaledField, Schedule
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
 from tgl_soar.sim.faults import Fault
-from tgl_soar.sim.sensing import Sample
+from tgl_soar.sim.sensor_sampling import Sample
 from tgl_soar.types import (
     NAN,
     AttitudeSample,

@@ -12,8 +12,8 @@ q ⊗ (1, n/2).  A pitot tube errs in pressure: V = √(max(0, u_b² + 2 n / ρ)
 speed along the nose.
 
 Samples are in local NED and FRD, as an autopilot reports them.  The functions that measure
-are pure and take their noise as arguments; `sim.sensing` gives it to them, and delays what they
-measure.
+are pure and take their noise as arguments; `sim.sensor_sampling` gives it to them, and delays
+what they measure.
 """
 
 from __future__ import annotations

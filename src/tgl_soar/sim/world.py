@@ -63,7 +63,7 @@ from tgl_soar.sim.aircraft import (
 )
 from tgl_soar.sim.flown_aircraft import FlownAircraft
 from tgl_soar.sim.point_mass import PointMass, point_mass, polar_misfit
-from tgl_soar.sim.sensing import NO_SAMPLES, flown_sensors
+from tgl_soar.sim.sensor_sampling import NO_SAMPLES, flown_sensors
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import ServoParams, servo_params, servo_start
 from tgl_soar.sim.tether import NO_TETHER, TetherParams, tether_params

@@ -28,7 +28,7 @@ from tgl_soar.air.gusts import (
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.aircraft import AircraftState, Wind, place_ahead
 from tgl_soar.sim.flown_aircraft import FlownAircraft
-from tgl_soar.sim.sensing import FlownSensors, Samples, sense
+from tgl_soar.sim.sensor_sampling import FlownSensors, Samples, sense
 from tgl_soar.sim.servos import ServoParams, ServoState, servo_step
 from tgl_soar.sim.tether import NO_PULL, TetherParams, pulled, tether_pull
 from tgl_soar.sim.white_noise import Rows

@@ -31,7 +31,7 @@ from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import INDEX, ParameterError, ParameterSet
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.point_hold import HOLDS
-from tgl_soar.onboard.flightlog.declaration import (
+from tgl_soar.onboard.flightlog.topics import (
     TOPICS,
     flattener,
     leaves_of,

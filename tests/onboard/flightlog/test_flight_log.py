@@ -32,7 +32,7 @@ from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.signing import Signing
 from tgl_soar.onboard.flightlog import disk, files
 from tgl_soar.onboard.flightlog.allowance import Allowance
-from tgl_soar.onboard.flightlog.declaration import STREAMS, TOPICS, record_size, unit_of
+from tgl_soar.onboard.flightlog.topics import STREAMS, TOPICS, record_size, unit_of
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata, preamble_of
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FLUSH_S, STATE_TICKS, FlightRecorder
 from tgl_soar.onboard.module import Onboard

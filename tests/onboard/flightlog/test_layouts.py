@@ -13,8 +13,8 @@ from logged_flight import recorded
 
 from tgl_soar.analysis.logs.export import to_mcap
 from tgl_soar.analysis.logs.ulog_reader import read_log
-from tgl_soar.cli.layouts import PANELS, foxglove, plotjuggler
-from tgl_soar.onboard.flightlog.declaration import TOPICS
+from tgl_soar.cli.log_layouts import PANELS, foxglove, plotjuggler
+from tgl_soar.onboard.flightlog.topics import TOPICS
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,9 @@ from tgl_soar.config.parameters import PARAMETERS, ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.onboard.flightlog import writer
-from tgl_soar.onboard.flightlog.declaration import STREAMS, TOPICS, record_size
 from tgl_soar.onboard.flightlog.recorder import LinkReport
 from tgl_soar.onboard.flightlog.spool import BUFFERS
+from tgl_soar.onboard.flightlog.topics import STREAMS, TOPICS, record_size
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder, clamped
 from tgl_soar.types import (

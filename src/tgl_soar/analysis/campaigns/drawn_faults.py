@@ -25,8 +25,8 @@ from random import Random
 from typing import Final, NamedTuple, overload
 
 from tgl_soar.air.field import WindField
-from tgl_soar.analysis.experiments.mismatch import mismatched
 from tgl_soar.analysis.experiments.pages import between
+from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.autopilot import Output, mode_name, reason_text
 from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import line_parameters, load_flight, shipped

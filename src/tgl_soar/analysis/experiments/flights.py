@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe

@@ -34,7 +34,7 @@ from tgl_soar.air.zeuc import (
     excess_gradient,
     stable_crossing,
 )
-from tgl_soar.analysis.experiments.dispersion import Slide
+from tgl_soar.analysis.experiments.spread_along_line import Slide
 from tgl_soar.config.airframe import Airframe, ModelKind
 from tgl_soar.config.files import (
     ConfigError,

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from tgl_soar.analysis.logs.meanings import meaning_of
 from tgl_soar.analysis.logs.ulog_reader import Array, FlightLog
-from tgl_soar.onboard.flightlog.declaration import TOPICS, Field, frame_of, unit_of
+from tgl_soar.onboard.flightlog.topics import TOPICS, Field, frame_of, unit_of
 
 _MCAP_CHUNK: Final = 1 << 20
 

@@ -16,7 +16,7 @@ from typing import Final, get_type_hints
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
 from tgl_soar.onboard.flightlog import allowance
-from tgl_soar.onboard.flightlog.declaration import (
+from tgl_soar.onboard.flightlog.topics import (
     MEANINGS,
     SUFFIXES,
     TOPICS,
@@ -114,8 +114,9 @@ half of the shipped gain (0.95) would have commanded while accelerometers are in
 *The pitch setpoint shrinks with the gain. The elevator grows: the integral of the pitch loop keeps
 adding up an error that a real aircraft would have answered.*
 
-**Many logs.** `tgl-soar replay LOG... --out out/replay` keeps a row for each log, and a manifest of which logs were
-replayed by which source ([campaigns](campaigns.md#what-is-left)); `--resume` goes on where it was stopped.
+**Many logs.** `tgl-soar replay LOG... --out out/replay` keeps a row for each log, and a manifest of
+which logs were replayed by which source ([campaigns](campaigns.md#what-is-left)); `--resume` goes
+on where it was stopped.
 
 **Speed.** In plain Python a replay is some 15 times faster than the flight on each processor.
 `tgl-soar replay --compile` compiles the laws with numba, once for each version; from then on logs

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.analysis.logs.subscriptions import Message, unfounded
-from tgl_soar.onboard.flightlog.declaration import VERSION
+from tgl_soar.onboard.flightlog.topics import VERSION
 
 Array = NDArray[Any]
 Topic = dict[str, Array]

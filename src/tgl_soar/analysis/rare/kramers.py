@@ -1,6 +1,6 @@
 """How long an aircraft stays in its well, by theory: beside what splitting counts.
 
-Along a still line the aircraft slides as experiments/dispersion.py has it,
+Along a still line the aircraft slides as experiments/spread_along_line.py has it,
 
     c ṡ = E(s) + turbulence        c = sin η − S′ cos η
 

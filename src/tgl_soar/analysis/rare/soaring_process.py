@@ -29,7 +29,7 @@ from msgspec.structs import replace
 
 from tgl_soar.air.field import FloatArray
 from tgl_soar.air.zeuc import stable_crossing
-from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.analysis.rare.kramers import WellExit, well_exits
 from tgl_soar.analysis.rare.splitting import LOST, Passage
 from tgl_soar.config.airframe import Airframe

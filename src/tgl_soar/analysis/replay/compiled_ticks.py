@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tgl_soar import types
 from tgl_soar.autopilot import AutopilotState, Output, step
 from tgl_soar.control.laws import Laws
-from tgl_soar.onboard.flightlog.declaration import is_named_tuple, leaves_of
+from tgl_soar.onboard.flightlog.topics import is_named_tuple, leaves_of
 from tgl_soar.sim.compiled import MODULES, available, compiled
 
 INPUT_LEAVES: Final = tuple(leaves_of(types.Inputs))
@@ -71,7 +71,7 @@ def folder() -> Path:
     """Where the kernel of just this source is kept.  Errors: RuntimeError without a home folder."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     source = sha256(f"{sys.version} {version('numba')}".encode())
-    for module in (*MODULES, "tgl_soar.onboard.flightlog.declaration", __name__):
+    for module in (*MODULES, "tgl_soar.onboard.flightlog.topics", __name__):
         spec = find_spec(module)
         assert spec is not None
         assert spec.origin is not None

@@ -42,7 +42,7 @@ from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, Parame
 from tgl_soar.config.site import Site
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.onboard.flightlog.declaration import (
+from tgl_soar.onboard.flightlog.topics import (
     STREAMS,
     TOPICS,
     flattener,

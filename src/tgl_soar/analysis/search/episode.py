@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final, Protocol
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.experiments.mismatch import flown_world
+from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.analysis.search.steered_flight import COLUMN, SteeredFlight

@@ -56,7 +56,7 @@ def ranges_of_one(airframe: Airframe, latency_s: float) -> Ranges:
     """Of one aircraft, whose file was identified.
 
     latency_s: of the command's way, measured.  The elevator's effect and the centre of gravity are
-    drawn as `analysis.experiments.mismatch` has them, where the ranges are argued.
+    drawn as `analysis.experiments.random_aircraft` has them, where the ranges are argued.
     Errors: ValueError for a [model] without a servo.
     """
     lag = airframe.model.get("servo_lag_radps", 0.0)

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Crossing, ZeucError, stable_crossing
-from tgl_soar.analysis.experiments.dispersion import Slide, dryden_dispersion, leverage
 from tgl_soar.analysis.experiments.scenario import place_at_speed_ratio, search_bounds
+from tgl_soar.analysis.experiments.spread_along_line import Slide, dryden_dispersion, leverage
 from tgl_soar.analysis.tuning.aircraft import TICK_S, Drawn, Ranges, drawn_aircraft
 from tgl_soar.analysis.tuning.demands import INERTIAL
 from tgl_soar.autopilot import mode_name, reason_text
@@ -280,7 +280,7 @@ def _dispersion_m(
     drawn: Drawn, site: Site, air: WindField, at: Crossing, eta_rad: float, turbulence: float
 ) -> float:
     """Standard deviation along the line, which no law that keeps the line still can make smaller
-    (`experiments.dispersion`)."""
+    (`experiments.spread_along_line`)."""
     assert site.air is not None
     polar, u = drawn.known.polar.as_polar(), at.wind_mps
     slope = (polar_sink(polar, u + SLOPE_MPS) - polar_sink(polar, u - SLOPE_MPS)) / (2 * SLOPE_MPS)

@@ -1,1 +1,1 @@
-"""What a flight leaves behind: the log, its declaration, and what reads it on the ground."""
+"""What a flight leaves behind: the log, its topics, and what reads it on the ground."""

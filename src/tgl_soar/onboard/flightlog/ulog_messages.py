@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from tgl_soar.config.parameters import PARAMETERS
-from tgl_soar.onboard.flightlog.declaration import TOPICS
+from tgl_soar.onboard.flightlog.topics import TOPICS
 
 MAGIC: Final = b"\x55\x4c\x6f\x67\x01\x12\x35\x01"
 TEXT_CHARS: Final = 8000  # of a file's text in one message

@@ -6,7 +6,7 @@ No disk, however slow, holds up a tick: when no buffer is free, records are drop
 the gap is marked with ULog's dropout message.  What the disk refuses is reported once, and the
 flight goes on without a log.
 
-    ULog     header, formats, what was flown with; parameters; then rows (`declaration`)
+    ULog     header, formats, what was flown with; parameters; then rows (`topics`)
     .tlog    for each frame 8 bytes of µs since 1970, big-endian, and the frame
 
 Inbound frames are written down only so far as their kind may (`allowance`): a flood of what is
@@ -30,10 +30,10 @@ from typing import Any, Final
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.onboard.flightlog.allowance import Allowance, WireAllowance
-from tgl_soar.onboard.flightlog.declaration import STREAMS, packer, record_size
 from tgl_soar.onboard.flightlog.disk import PARTS, Disk
 from tgl_soar.onboard.flightlog.recorder import LinkReport, Recorder
 from tgl_soar.onboard.flightlog.spool import BUFFERS, Buffers, Orders, Spool
+from tgl_soar.onboard.flightlog.topics import STREAMS, packer, record_size
 from tgl_soar.onboard.flightlog.ulog_messages import (
     SUBSCRIPTIONS,
     TEXT_CHARS,

@@ -17,7 +17,7 @@ import numpy as np
 from msgspec.structs import asdict
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.mismatch import (
+from tgl_soar.analysis.experiments.random_aircraft import (
     drawn_mismatch,
     mismatched_figures,
     mismatched_sensors,

@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
-from tgl_soar.analysis.experiments.mismatch import flown_world
+from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import Scenario, prepare
 from tgl_soar.analysis.tuning.flights import DrawnFlight, fly_late, fly_whole

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.campaigns.drawn_faults import wilson
 from tgl_soar.analysis.experiments.flights import Flyer, Timed
-from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.analysis.linear_plant import Gusts
 from tgl_soar.analysis.margins import CaseMargins, MarginCase, case_margins
 from tgl_soar.autopilot import Output, reason_text
@@ -44,7 +44,7 @@ from tgl_soar.sim.closed_loop import ClosedLoop, Trajectory
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.compiled_flight import Prepared, fly_compiled, prepare
 from tgl_soar.sim.motive import ARM_M, MADE_RAD
-from tgl_soar.sim.sensing import flown_sensors, sense_attitude
+from tgl_soar.sim.sensor_sampling import flown_sensors, sense_attitude
 from tgl_soar.sim.sensors import (
     MEMS_IMU,
     MOTION_CAPTURE,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.mismatch import mismatched
+from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import line_parameters, load_flight, shipped

@@ -20,7 +20,7 @@ import numpy as np
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import contour
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.mismatch import flown_world
+from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
 from tgl_soar.analysis.logs.flight_data import Floats
 from tgl_soar.analysis.search.scoring import fraction_text

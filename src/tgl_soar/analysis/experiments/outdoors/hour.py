@@ -32,11 +32,6 @@ import numpy as np
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.wind_record import RecordedField, SyntheticWind, WindRecord, synthetic_record
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.mismatch import (
-    drawn_mismatch,
-    flown_world,
-    mismatched_figures,
-)
 from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     SoaredHill,
     longest_s,
@@ -51,6 +46,11 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
     touches_down_well,
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import BELOW_M, ShippedHill, shipped_hill
+from tgl_soar.analysis.experiments.random_aircraft import (
+    drawn_mismatch,
+    flown_world,
+    mismatched_figures,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.scoring import fraction_text

@@ -19,8 +19,8 @@ import numpy as np
 from tgl_soar.air.gusts import ScaledField, Schedule
 from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import ShippedHill, shipped_hill
+from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.experiments.result import (
     ChangedThreshold,
     Claim,

@@ -22,9 +22,9 @@ from random import Random
 from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.mismatch import flown_world
 from tgl_soar.analysis.experiments.outdoors.outdoors import ALREADY, ends_by_kind, span
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
+from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.autopilot import Output

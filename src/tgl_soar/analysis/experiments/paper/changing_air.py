@@ -16,7 +16,6 @@ from tgl_soar.analysis.experiments.context import (
     turbulence_of,
     with_turbulence,
 )
-from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
 from tgl_soar.analysis.experiments.flights import FlownScenario, ScoredLeg, mean_of_flights
 from tgl_soar.analysis.experiments.paper.still_lines import (
     LEG_COLUMNS,
@@ -45,6 +44,7 @@ from tgl_soar.analysis.experiments.scenario import (
     prepare,
     slide_at,
 )
+from tgl_soar.analysis.experiments.spread_along_line import dryden_dispersion
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.estimation.polar import best_glide_speed
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from tgl_soar.air.zeuc import excess_gradient
 from tgl_soar.analysis.experiments.context import Context, turbulence_of
-from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
 from tgl_soar.analysis.experiments.flights import (
     FlownScenario,
     legs_named,
@@ -37,6 +36,7 @@ from tgl_soar.analysis.experiments.scenario import (
     prepare,
     slide_at,
 )
+from tgl_soar.analysis.experiments.spread_along_line import dryden_dispersion
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.types import polar_slope
 

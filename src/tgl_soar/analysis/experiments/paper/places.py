@@ -20,7 +20,6 @@ import numpy as np
 
 from tgl_soar.air.zeuc import ZeucError, stable_crossing, wind_sensitivity
 from tgl_soar.analysis.experiments.context import Context, turbulence_of, with_turbulence
-from tgl_soar.analysis.experiments.dispersion import dryden_dispersion, leverage
 from tgl_soar.analysis.experiments.flights import FlownScenario, mean_of_flights, rms
 from tgl_soar.analysis.experiments.paper.changing_air import LATE_S, Shift, shift_of
 from tgl_soar.analysis.experiments.paper.line_lean import HELD_M
@@ -44,6 +43,7 @@ from tgl_soar.analysis.experiments.scenario import (
     search_bounds,
     slide_at,
 )
+from tgl_soar.analysis.experiments.spread_along_line import dryden_dispersion, leverage
 from tgl_soar.config.files import ConfigError, load_site, shipped
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.sim.world import ground_outline

@@ -16,7 +16,6 @@ from tgl_soar.analysis.experiments.context import (
     turbulence_of,
     with_turbulence,
 )
-from tgl_soar.analysis.experiments.dispersion import dryden_dispersion
 from tgl_soar.analysis.experiments.flights import (
     SETTLE_S,
     FlownScenario,
@@ -35,6 +34,7 @@ from tgl_soar.analysis.experiments.result import (
     within,
 )
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, Scenario, prepare, slide_at
+from tgl_soar.analysis.experiments.spread_along_line import dryden_dispersion
 from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, flight_figure
 from tgl_soar.sim.world import flown_aircraft
 from tgl_soar.types import polar_sink

@@ -1,8 +1,8 @@
 """Flights that hold a point with a brake that is well, each with an aircraft of its own.
 
-What the brake does, what it is hung on and the air are drawn apart from the files (`mismatch`), and
-the point is put for the aircraft of the file: it lies outside the band of many, where the law comes
-to its end and the brake is shaken.  None may be given up.
+What the brake does, what it is hung on and the air are drawn apart from the files
+(`random_aircraft`), and the point is put for the aircraft of the file: it lies outside the band of
+many, where the law comes to its end and the brake is shaken.  None may be given up.
 """
 
 from __future__ import annotations

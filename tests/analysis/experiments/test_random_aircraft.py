@@ -25,7 +25,13 @@ from tgl_soar.analysis.experiments.lift.nowhere import LineJob
 from tgl_soar.analysis.experiments.lift.search import SearchJob
 from tgl_soar.analysis.experiments.lift.survey import SurveyJob
 from tgl_soar.analysis.experiments.lift.throttle import PoweredJob
-from tgl_soar.analysis.experiments.mismatch import (
+from tgl_soar.analysis.experiments.outdoors import hour, outdoors, rangefinder, satellites
+from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob
+from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob
+from tgl_soar.analysis.experiments.outdoors.rangefinder import RangeJob
+from tgl_soar.analysis.experiments.outdoors.satellites import SatelliteJob
+from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
+from tgl_soar.analysis.experiments.random_aircraft import (
     AS_FILED,
     RANGES,
     Mismatch,
@@ -36,12 +42,6 @@ from tgl_soar.analysis.experiments.mismatch import (
     mismatched_sensors,
     mismatched_site,
 )
-from tgl_soar.analysis.experiments.outdoors import hour, outdoors, rangefinder, satellites
-from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob
-from tgl_soar.analysis.experiments.outdoors.outdoors import PassageJob
-from tgl_soar.analysis.experiments.outdoors.rangefinder import RangeJob
-from tgl_soar.analysis.experiments.outdoors.satellites import SatelliteJob
-from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search import episode
 from tgl_soar.config.files import ConfigError, load_airframe, load_site, shipped

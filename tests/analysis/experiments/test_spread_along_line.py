@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.gusts import dryden_params, dryden_start, dryden_step
-from tgl_soar.analysis.experiments.dispersion import Slide, dispersion, dryden_dispersion, leverage
+from tgl_soar.analysis.experiments.spread_along_line import (
+    Slide,
+    dispersion,
+    dryden_dispersion,
+    leverage,
+)
 
 SLIDE = Slide(rate_per_s=0.9, polar_slope=0.12, eta_rad=radians(110.0))
 

@@ -7,7 +7,7 @@ from math import exp, hypot, inf, nan
 import pytest
 from test_landing import DT, PARAMS, air, at
 
-from tgl_soar.control.escape import (
+from tgl_soar.control.glide_home import (
     NO_ESCAPE,
     EscapeState,
     EscapeView,
