@@ -23,7 +23,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pyulog import ULog
 
-from tgl_soar.analysis.logs.meanings import meaning_of, page
+from tgl_soar.analysis.logs.meanings import meaning_of
 from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError, read_log
 from tgl_soar.autopilot import initial_state, step
 from tgl_soar.config.parameters import PARAMETERS, ParameterSet
@@ -40,7 +40,6 @@ from tgl_soar.types import NO_ATTITUDE, NO_FIX, AutopilotStatus, Inputs
 
 TICK_S = 0.005
 TICKS = 799  # of four seconds: the first attitude comes with the second step
-DOCS = Path(__file__).parents[3] / "docs/logs.md"
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +59,6 @@ def test_a_name_that_is_no_utf8_stands_in_it_with_a_question_mark() -> None:
 
 
 # --- the declaration and its page -------------------------------------------------------------
-
-
-@pytest.mark.interpreted
-def test_the_page_is_not_stale() -> None:
-    assert DOCS.read_text(encoding="utf-8") == page(), "stale: tgl-soar log fields > docs/logs.md"
 
 
 @pytest.mark.interpreted

@@ -54,8 +54,9 @@ from tgl_soar.analysis.experiments.random_aircraft import (
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.scoring import fraction_text
+from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.config.site import Start
+from tgl_soar.config.site import HillAir, Site, Start
 from tgl_soar.control.laws import fence_of
 from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, MODE_NAMES, SOARING
 from tgl_soar.sim.aircraft import AircraftModel, glide_polar
@@ -156,7 +157,16 @@ def _hill_of(case: HourCase) -> ShippedHill:
     return shipped_hill() if case.who == LINE else shipped_hill(PROPELLER)
 
 
-def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
+class HourFlown(NamedTuple):
+    """What flies in an hour, where, and with which parameters."""
+
+    airframe: Airframe
+    site: Site
+    values: ParameterSet
+
+
+def hour_flown(job: HourJob) -> HourFlown:
+    """The aircraft, the hill and the parameters of a flight."""
     hill = _hill_of(job.case).on_line(SOARED_LINE)
     site, values = hill.site, hill.values
     assert site.ground is not None
@@ -175,18 +185,29 @@ def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
             air=msgspec.structs.replace(hill.air, radius_m=job.case.radius_m),
             start=Start(x_m=x, z_m=z - BELOW_M),
         )
-    field = RecordedField(HillField(hill.air.wind_mps, job.case.radius_m), record)
+    return HourFlown(airframe=hill.airframe, site=site, values=values.changed(changes))
+
+
+def field_of(flown: HourFlown, record: WindRecord) -> RecordedField:
+    """The air of a record over its hill."""
+    air = flown.site.air
+    assert isinstance(air, HillAir)
+    return RecordedField(HillField(air.wind_mps, air.radius_m), record)
+
+
+def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
+    flown = hour_flown(job)
     world = flown_world(
-        hill.airframe,
-        site,
+        flown.airframe,
+        flown.site,
         job.seed,
         dispersed=job.dispersed,
         already=ALREADY,
         turbulence=INTENSITY,
-        field=field,
+        field=field_of(flown, record),
         sensors=Sensors(imu=MEMS_IMU),
     )
-    return world, values.changed(changes)
+    return world, flown.values
 
 
 def path_of(job: HourJob, record: WindRecord) -> tuple[Trajectory, ParameterSet]:
