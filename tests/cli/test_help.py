@@ -86,6 +86,7 @@ def test_what_meets_an_aircraft_takes_no_file_for_granted(words: str) -> None:
     ("--autopilot ardupilot", "name it by --ardupilot"),
     ("--route attitude", "--autopilot px4 or --autopilot ardupilot"),
     ("--gcs-local 127.0.0.1:0", "add --realtime"),
+    ("--autopilot px4 --px4 /bin/true --receiver rtk", "a real firmware has its own"),
     ("--px4 /bin/true", "flown with --autopilot px4 only"),
     ("--mocap-option version=4.2", "add --mocap natnet"),
 ])  # fmt: skip

@@ -57,12 +57,16 @@ def test_sitl_hands_it_to_the_bridge_and_says_what_is_fitted(
         raise SitlError("enough")
 
     monkeypatch.setattr(sitl_flight, "fly", fly)
-    words = ["sitl", "--model", "point-mass", "--site", "tunnel_polynomial", "--out", str(tmp_path)]
+    words = [
+        *("sitl", "--model", "point-mass", "--site", "tunnel_polynomial", "--receiver", "rtk"),
+        *("--out", str(tmp_path)),
+    ]
     reported = RUN.invoke(app, words).output
     assert "wind: a polynomial of degree 8, fitted at" in reported
     assert "point mass: its sink is off the airframe's polar by 0.011 m/s rms" in reported
     given = bridge_command(flown[0], tmp_path / "truth.csv", "127.0.0.1:1", "127.0.0.1:2", "")
     assert parsed(given[3:]).simulation.model == "point_mass"
+    assert parsed(given[3:]).simulation.receiver == "rtk"
 
     reported = RUN.invoke(app, ["sitl", "--out", str(tmp_path)]).output
     assert "polynomial" not in reported

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from math import hypot
 from pathlib import Path
 
 import pytest
 from free_ports import free_port
 
 from tgl_soar.config.files import ConfigError, load_airframe, load_site, shipped
+from tgl_soar.geometry import soaring_from_ned
 from tgl_soar.sim.bridge.bridge import Bridge
 from tgl_soar.sim.bridge.command_line import parsed
 from tgl_soar.sim.bridge.mocap import MocapOptions
@@ -37,6 +39,27 @@ def test_the_model_is_chosen_by_name(capsys: pytest.CaptureFixture[str]) -> None
     assert "glider" in reported
     assert "rigid-body" in reported
     assert "point-mass" in reported
+
+
+def test_the_receiver_is_chosen_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    """The one on board knows no difference; where it says that the aircraft is, is another."""
+    files = ["--airframe", "eclipson_c", "--site", "hill"]
+    airframe, site = load_airframe(AIRFRAME), load_site(shipped("sites/hill.toml"))
+    off = {}
+    for name in ("local", "satellites", "rtk"):
+        given = parsed([*files, "--receiver", name, "--launch", "held"]).simulation
+        simulation = Simulation(airframe, site, given, SITE.parent)
+        while simulation.world.position.sequence < 2:
+            simulation.step()
+        world, fix = simulation.world, simulation.world.position
+        x, y, z = soaring_from_ned(world.frame, fix.north_m, fix.east_m, fix.down_m)
+        off[name] = hypot(x - world.state.x_m, y - world.state.y_m, z - world.state.z_m)
+    assert off["local"] < 0.05
+    assert off["rtk"] < 0.1
+    assert off["satellites"] > 0.2
+    with pytest.raises(SystemExit):
+        parsed([*files, "--receiver", "rtk", "--autopilot", "ardupilot", "--firmware", "x"])
+    assert "--receiver rtk: a firmware has its own" in capsys.readouterr().err
 
 
 def test_where_motion_capture_fails_what_was_opened_before_is_closed(

@@ -63,6 +63,14 @@ class SitlMocap(StrEnum):
     NATNET = "natnet"
 
 
+class SitlReceiver(StrEnum):
+    """What the simulated Pixhawk takes its position from."""
+
+    LOCAL = "local"
+    SATELLITES = "satellites"
+    RTK = "rtk"
+
+
 AirframeFile = Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)]
 SiteFile = Annotated[
     Path | None,
@@ -75,6 +83,13 @@ Seed = Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)]
 Turbulence = Annotated[
     float | None,
     typer.Option(help="Fraction of the wind. Default: the site's.", min=0.0, max=0.5),
+]
+ReceiverChoice = Annotated[
+    SitlReceiver,
+    typer.Option(
+        help="Of the simulated Pixhawk: a local system, satellites that drift by a metre and two in"
+        " height, or satellites with carrier-phase corrections."
+    ),
 ]
 Settings = Annotated[
     list[str] | None,
@@ -170,6 +185,7 @@ def sitl(
     stay: Stay = 16.0,
     seed: Seed = 1,
     turbulence: Turbulence = None,
+    receiver: ReceiverChoice = SitlReceiver.LOCAL,
     settings: Settings = None,
     realtime: Realtime = False,
     gcs_local: GroundLocal = "127.0.0.1:18570",
@@ -201,6 +217,8 @@ def sitl(
     _check_faults(faults)
     programs = {SitlAutopilot.PX4: px4, SitlAutopilot.ARDUPILOT: ardupilot}
     _check_autopilot(context, autopilot, programs, route)
+    if autopilot != SitlAutopilot.BUILTIN and _is_given(context, "receiver"):
+        fail(f"--receiver {receiver.value}: a real firmware has its own; see its parameters")
     if not realtime and _is_given(context, "gcs_local"):
         fail(f"--gcs-local {gcs_local}: ground stations join in real time only; add --realtime")
     by_mocap = mocap == SitlMocap.NATNET or (autopilot != SitlAutopilot.BUILTIN and site is None)
@@ -214,6 +232,7 @@ def sitl(
         model=None if model is None else model.value,
         seed=seed,
         turbulence=turbulence,
+        receiver=receiver.value,
         realtime=realtime or page,
         faults=faults,
         mocap=by_mocap,

@@ -19,7 +19,7 @@ what they measure.
 from __future__ import annotations
 
 from math import ceil, cos, inf, isfinite, sin, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from tgl_soar.estimation.ground_range import beam_drop, beam_reach, ground_height
 from tgl_soar.geometry import (
@@ -194,6 +194,15 @@ DRIFTING_POSITION = PositionParams(
     drift_m=1.0,
     drift_up_m=2.0,
 )
+# A receiver with carrier-phase corrections of a base nearby, its ambiguities fixed: data sheets of
+# two-frequency ones promise 1 cm and a millionth of the way to the base, for half of the fixes.
+RTK_POSITION = DRIFTING_POSITION._replace(noise_m=0.01, drift_m=0.01, drift_up_m=0.02)
+# What a simulated autopilot takes its position from, by the bridge's name for it.
+RECEIVERS: Final = {
+    "local": AUTOPILOT_POSITION,
+    "satellites": DRIFTING_POSITION,
+    "rtk": RTK_POSITION,
+}
 # An autopilot's attitude estimate: 0.1 degrees of jitter, aligned to 0.3 degrees.
 AUTOPILOT_ATTITUDE = AttitudeParams(
     rate_hz=200.0,

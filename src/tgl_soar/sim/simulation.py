@@ -21,7 +21,7 @@ from tgl_soar.sim.faults import Fault
 from tgl_soar.sim.injection import Injection, of_duplicate
 from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.routing import LinkId
-from tgl_soar.sim.sensors import LASER_RANGE, MEMS_IMU, PITOT, Sensors
+from tgl_soar.sim.sensors import LASER_RANGE, MEMS_IMU, PITOT, RECEIVERS, Sensors
 from tgl_soar.sim.truth_log import TruthLog
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
@@ -82,6 +82,7 @@ class Options:
     allow_odometry: bool = False
     faults: tuple[Fault, ...] = ()
     pitot: bool = True
+    receiver: str = "local"  # of `sim.sensors.RECEIVERS`; a firmware has its own
     rangefinder: bool = False
     parameters: tuple[tuple[str, float], ...] = ()  # of the autopilot
     later: tuple[TimedSetting, ...] = ()  # of a firmware: set in flight
@@ -198,6 +199,7 @@ class Simulation(SteppedWorld):
 
     def __init__(self, airframe: Airframe, site: Site, options: Options, folder: Path) -> None:
         sensors = Sensors(
+            position=RECEIVERS[options.receiver],
             imu=MEMS_IMU,
             airspeed=PITOT if options.pitot else None,
             rangefinder=LASER_RANGE if options.rangefinder else None,

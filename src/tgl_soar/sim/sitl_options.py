@@ -23,6 +23,7 @@ class SitlOptions:
     model: str | None = None  # as the bridge spells it; None: the airframe file's
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
+    receiver: str = "local"  # as the bridge spells it
     realtime: bool = False
     faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
     mocap: bool = False  # the position comes as NatNet, from a stand-in for Motive

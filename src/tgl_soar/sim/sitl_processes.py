@@ -71,6 +71,8 @@ def bridge_command(
     ]
     if options.model is not None:
         command += ["--model", options.model]
+    if options.receiver != "local":
+        command += ["--receiver", options.receiver]
     if options.autopilot == "builtin":
         command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
     else:

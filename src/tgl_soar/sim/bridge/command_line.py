@@ -13,6 +13,7 @@ from tgl_soar.sim.bridge.mocap import add_mocap_options, mocap_options
 from tgl_soar.sim.bridge.options import BridgeOptions, FirmwareOptions, Pace, PortOptions
 from tgl_soar.sim.faults import Fault, FaultError, parse_fault
 from tgl_soar.sim.ports import Address
+from tgl_soar.sim.sensors import RECEIVERS
 from tgl_soar.sim.simulation import Options, TimedSetting
 
 
@@ -23,6 +24,8 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
     builtin = arguments.autopilot == "builtin"
     if builtin and any(change.at_s > 0.0 for change in arguments.autopilot_parameter):
         parser.error("--autopilot-parameter NAME=NUMBER@SECONDS needs a firmware: --autopilot")
+    if not builtin and arguments.receiver != "local":
+        parser.error(f"--receiver {arguments.receiver}: a firmware has its own")
     return BridgeOptions(
         airframe=arguments.airframe,
         site=arguments.site,
@@ -64,6 +67,7 @@ def _simulation_options(arguments: argparse.Namespace) -> Options:
         allow_odometry=arguments.odometry,
         faults=tuple(arguments.fault),
         pitot=not arguments.no_pitot,
+        receiver=arguments.receiver,
         rangefinder=arguments.rangefinder,
         parameters=tuple((c.name, c.value) for c in settings if c.at_s == 0.0),
         later=tuple(change for change in settings if change.at_s > 0.0),
@@ -177,9 +181,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_firmware(parser)
     add("--record", type=Path, metavar="FILE", help="traffic of firmware and companion, as .tlog")
     add("--no-truth", action="store_true", help="send no truth to ground stations")
-    add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
-    add("--rangefinder", action="store_true", help="a laser that looks down: DISTANCE_SENSOR")
-    add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
+    _add_sensors(parser)
     add(
         "--autopilot-parameter", type=_setting, action="append", default=[],
         metavar="NAME=NUMBER[@S]", help="of the autopilot, of a firmware at S seconds; repeatable",
@@ -197,6 +199,19 @@ def _parser() -> argparse.ArgumentParser:
     add("--patience", type=_number(0.1, 3600.0), default=5.0, metavar="S", help="(default 5)")
     add("--start-timeout", type=_number(0.1, 3600.0), default=30.0, metavar="S")
     return parser
+
+
+def _add_sensors(parser: argparse.ArgumentParser) -> None:
+    """Of what the autopilot has to tell."""
+    add = parser.add_argument
+    add("--odometry", action="store_true", help="stream ODOMETRY, which ArduPlane denies")
+    add("--rangefinder", action="store_true", help="a laser that looks down: DISTANCE_SENSOR")
+    add(
+        "--receiver", choices=tuple(RECEIVERS), default="local",
+        help="of the simulated Pixhawk: a local system that is exact, satellites that drift by a"
+        " metre and two in height, or satellites with carrier-phase corrections (default: local)",
+    )  # fmt: skip
+    add("--no-pitot", action="store_true", help="VFR_HUD then shows a guess, as ArduPlane does")
 
 
 def _add_firmware(parser: argparse.ArgumentParser) -> None:

@@ -10,6 +10,8 @@ wind and gusts, drawn from its seed, and the faults of `sim.faults`:
                of up to 2 m for 5 to 20 s, and two drop-outs of 1 to 6 s over which the estimator
                goes on by its accelerometers, wrong by 0.03 m/s², and says nothing.  The operator
                has moved the line to the lift: what it was wrong by at first does not count
+    rtk        the same with carrier-phase corrections (1 cm, 2 cm in height) that are lost three
+               times for 5 to 20 s, a fix that floats by up to 0.4 m; and with the same drop-outs
     lost       no satellites for 15 s; the estimator says so after 5 to 10 s, and is right again in
                the end: with leave to break off (`ESC_AUTO` 1), without, and not reported at all
 
@@ -21,6 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, inf, isfinite, nan, pi, radians, sin
 from random import Random
+from statistics import fmean
 from typing import Any, Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
@@ -50,7 +53,13 @@ from tgl_soar.sim.compiled import available
 from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.injection import Injection
-from tgl_soar.sim.sensors import AUTOPILOT_POSITION, DRIFTING_POSITION, MEMS_IMU, Sensors
+from tgl_soar.sim.sensors import (
+    AUTOPILOT_POSITION,
+    DRIFTING_POSITION,
+    MEMS_IMU,
+    RTK_POSITION,
+    Sensors,
+)
 from tgl_soar.sim.world import World
 from tgl_soar.types import Inputs, PositionFix
 
@@ -73,11 +82,19 @@ RECKONED_MPS2: Final = 0.03  # g times 0.2 degrees of tilt
 APART_M: Final = 0.05  # what a reset may move
 BESIDE_M: Final = 0.3  # by which the aircraft may be farther off than its fixes say
 HANDED_M: Final = 1.0  # CLEAR_MIN of the hill
+STAYS_M: Final = 0.3  # of its lift, as is asked of a receiver that does not drift
 
-RESET, TURNED, RECEIVER = "reset", "turned", "receiver"
+RESET, TURNED, RECEIVER, RTK = "reset", "turned", "receiver", "receiver, RTK"
+DRIFTS: Final = (RECEIVER, RTK)
 HOME, HELD, UNREPORTED = "lost, breaks off", "lost, held", "lost, not told"
-KINDS: Final = (RESET, TURNED, RECEIVER, HOME, HELD, UNREPORTED)
-STAYS: Final = (RESET, TURNED, RECEIVER, HOME)  # nobody but the operator has a reason to end these
+POSITIONS: Final = {RECEIVER: DRIFTING_POSITION, RTK: RTK_POSITION}
+# Of multipath; and of a receiver that has lost its fixed ambiguities and floats, for which data
+# sheets name some decimetres.
+STEPS_M: Final = {RECEIVER: (0.3, 2.0), RTK: (0.05, 0.4)}
+STEPS_UP_M: Final = {RECEIVER: 1.0, RTK: 0.4}
+KINDS: Final = (RESET, TURNED, RECEIVER, RTK, HOME, HELD, UNREPORTED)
+# Nobody but the operator has a reason to end these.
+STAYS: Final = (RESET, TURNED, RECEIVER, RTK, HOME)
 
 
 class SatelliteJob(NamedTuple):
@@ -103,6 +120,7 @@ class SatelliteFlight:
     fix_off_m: float  # the largest error of the fixes that were given, across the line
     beside_m: float  # the most by which e_rho was beyond the error of the fix of the same tick
     beside_share: float  # of the ticks in which that was more than BESIDE_M
+    within_share: float  # of the ticks in which e_rho was STAYS_M or less
     clearance_m: float  # over the ground when it was disengaged; NaN: it was not
     apart_m: float  # resets: the largest difference of e_rho to the same flight without; else NaN
     along_m: float  # beyond the landing point, where it touched the ground
@@ -151,14 +169,14 @@ def _drawn_faults(job: SatelliteJob, random: Random) -> tuple[str, ...]:
         by = f"roll=0 pitch=0 heading={random.choice((-TURN_DEG, TURN_DEG))}"
         return (f"attitude.bias start={begin:.3f} for=1e5 {by}",)
     drift = f"north={RECKONED_MPS2 * north:.4f} east={RECKONED_MPS2 * east:.4f}"
-    if job.kind != RECEIVER:
+    if job.kind not in DRIFTS:
         told = 1e6 if job.kind == UNREPORTED else uniform(5.0, 10.0)
         return (f"position.reckoned start={begin:.3f} for={LOST_S} {drift} told={told:.3f}",)
-    steps = []
+    steps, up = [], STEPS_UP_M[job.kind]
     for _ in range(3):
         at, lasts = uniform(BEGIN_S[1], RECEIVER_S - 30.0), uniform(5.0, 20.0)
-        size, way = uniform(0.3, 2.0), uniform(0.0, 2.0 * pi)
-        by = f"north={size * cos(way):.3f} east={size * sin(way):.3f} down={uniform(-1.0, 1.0):.3f}"
+        size, way = uniform(*STEPS_M[job.kind]), uniform(0.0, 2.0 * pi)
+        by = f"north={size * cos(way):.3f} east={size * sin(way):.3f} down={uniform(-up, up):.3f}"
         steps.append(f"position.bias start={at:.3f} for={lasts:.3f} {by}")
     for _ in range(2):
         at, lasts = uniform(BEGIN_S[1], RECEIVER_S - 20.0), uniform(1.0, 6.0)
@@ -170,10 +188,10 @@ def _world(
     job: SatelliteJob, random: Random, duration_s: float
 ) -> tuple[World, ParameterSet, SoaringFrame]:
     hill = shipped_hill().blown(random.uniform(*WIND_MPS)).on_line(LINE)
-    position = DRIFTING_POSITION if job.kind == RECEIVER else AUTOPILOT_POSITION
+    position = POSITIONS.get(job.kind, AUTOPILOT_POSITION)
     changes = {"ESC_AUTO": float(job.kind == HOME)}
-    if job.kind == RECEIVER:
-        changes["EST_FIX_SD"] = DRIFTING_POSITION.noise_m
+    if job.kind in DRIFTS:
+        changes["EST_FIX_SD"] = position.noise_m
     intensity = max(1e-6, random.uniform(*INTENSITY))  # one compiled kind of air for all
     sensors = Sensors(position=position, imu=MEMS_IMU)
     world: World = flown_world(
@@ -192,7 +210,7 @@ def _world(
 
 
 def _duration_s(kind: str) -> float:
-    if kind == RECEIVER:
+    if kind in DRIFTS:
         return RECEIVER_S
     if kind in (RESET, TURNED):
         return BEGIN_S[1] + AFTER_S
@@ -208,7 +226,7 @@ def _fly(job: SatelliteJob, faults: tuple[Fault, ...]) -> SinceFault:
     eta = eta_from_lean(radians(values["TGL_LEAN"]))
     x, z, nx, nz = values["TGL_X"], values["TGL_Z"], -sin(eta), cos(eta)
     away_x, away_z = 0.0, 0.0
-    if job.kind == RECEIVER:
+    if job.kind in DRIFTS:
         away_x, away_z = _moved_to_the_lift(loop, frame)
     offs: list[float] = []
     fix_offs: list[float] = []
@@ -307,6 +325,7 @@ def fly_satellites(job: SatelliteJob) -> SatelliteFlight:
         fix_off_m=max(map(abs, flown.fix_off_m), default=nan),
         beside_m=max(beside, default=nan),
         beside_share=sum(each > BESIDE_M for each in beside) / max(1, len(beside)),
+        within_share=sum(abs(off) <= STAYS_M for off in flown.off_m) / max(1, len(flown.off_m)),
         clearance_m=flown.clearance_m,
         apart_m=apart,
         along_m=along,
@@ -331,7 +350,9 @@ def run(context: Context) -> Result:
         f" {100 * INTENSITY[1]:g} %, with accelerometers, without a pitot tube. Resets of"
         f" {RESET_M:g} m horizontally and up to {RESET_UP_M:g} m in height; turns of {TURN_DEG:g}°;"
         " a receiver that is off by a Gauss-Markov process, by steps of up to 2 m and by drop-outs"
-        f" for {RECEIVER_S:g} s; no satellites for {LOST_S:g} s, dead reckoned with"
+        f" for {RECEIVER_S:g} s, and one with carrier-phase corrections that floats by up to"
+        f" {STEPS_M[RTK][1]:g} m three times, with the same drop-outs; no satellites for"
+        f" {LOST_S:g} s, dead reckoned with"
         f" {RECKONED_MPS2:g} m/s² of error, reported after 5 to 10 s.",
         claims=_claims(by_kind),
         why=ends_by_kind(by_kind),
@@ -351,6 +372,8 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
     drifted = by_kind[RECEIVER]
     beside = max((each.beside_m for each in drifted), default=nan)
     fraction_beside = sum(each.beside_share for each in drifted) / max(1, len(drifted))
+    exact = by_kind[RTK]
+    within = sum(each.off_m <= STAYS_M for each in exact)
     outages = by_kind[HELD]
     held = [each for each in outages if not each.ended]
     off = max((each.last_off_m for each in held), default=nan)
@@ -385,6 +408,12 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
             f" {100 * fraction_beside:.1f} % of the time",
         ),
         Claim(
+            f"with carrier-phase corrections the aircraft stays within {STAYS_M:g} m of its lift",
+            bool(exact) and within == len(exact),
+            f"{fraction_text(within, len(exact))} of flights at every instant,"
+            f" {100 * fmean([each.within_share for each in exact] or [nan]):.0f} % of the time",
+        ),
+        Claim(
             "whoever soars on after dead reckoning is back on its own line",
             off < BESIDE_M,
             f"{len(held)} of {len(by_kind[HELD])} soar on, off it by {off:.2f} m at most",
@@ -407,7 +436,8 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
                 f"{sum(each.captures for each in some)}",
                 span([each.fix_off_m for each in some], 2),
                 span([each.off_m for each in some], 2),
-                span([each.beside_m for each in some if each.kind == RECEIVER], 2),
+                span([100 * each.within_share for each in some if each.kind in DRIFTS], 0),
+                span([each.beside_m for each in some if each.kind in DRIFTS], 2),
                 span([each.clearance_m for each in some]),
                 span([each.last_off_m for each in soared], 2),
                 span([100 * each.apart_m for each in some if isfinite(each.apart_m)]),
@@ -416,6 +446,7 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
     columns = (
         "", "flights", "still soared", "landed as they should", "disengaged", "lost",
         "captured again", "fixes off, across the line [m]", "off the line, at most [m]",
+        "within 0.3 m [% of the time]",
         "beyond the fix of that instant [m]", "disengaged, over the ground [m]", "in the end [m]",
         "e_rho moved [cm]",
     )  # fmt: skip
@@ -425,7 +456,8 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
 def _numbers(each: SatelliteFlight) -> dict[str, object]:
     keep = (
         "kind", "seed", "faults", "duration_s", "ended", "captures", "off_m", "last_off_m",
-        "fix_off_m", "beside_m", "beside_share", "clearance_m", "apart_m", "along_m", "across_m",
+        "fix_off_m", "beside_m", "beside_share", "within_share", "clearance_m",
+        "apart_m", "along_m", "across_m",
         "sink_mps",
     )  # fmt: skip
     return {name: getattr(each, name) for name in keep}
