@@ -19,6 +19,7 @@ from tgl_soar.analysis.experiments.outdoors.hour import (
     fly_hour,
     path_of,
 )
+from tgl_soar.control.supervisor import BREAKING_OFF
 
 GOOD = FlownHour(
     case=HourCase(30.0), seed=1, duration_s=3600.0, possible_s=3600.0, soarable=1.0,
@@ -172,3 +173,12 @@ def test_the_walk_moves_the_line_and_a_propeller_is_counted() -> None:
     used = {who: float(path["throttle"].sum()) for who, path in paths.items()}
     assert used[hour.LINE] == 0.0
     assert used[hour.POWERED] > 0.0
+
+
+def test_the_walk_leaves_the_way_home_alone() -> None:
+    falls = WindRecord(Schedule([0.0, 3.0, 5.0], [6.6, 6.6, 4.8]), Schedule([0.0], [0.0]))
+    path, _ = path_of(HourJob(HourCase(8.0, 6.6, 1, hour.WALK), 3, 12.0), falls)
+    home = path["mode"] >= BREAKING_OFF
+    assert home.any()
+    assert not home.all()
+    assert len(set(path["target_changes"][home].tolist())) == 1
