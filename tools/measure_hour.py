@@ -7,8 +7,8 @@
 The same winds over the same hills, and the same aircraft with its propeller.  ArduPlane has no mode
 that stays where lift carries an aircraft; the one that stays at all is LOITER: about the place of
 the line, at its height, or upwind of it (`--upwind`), where the hill makes no sink.  Nobody bounds
-its throttle.  The aircraft is held in the wind until the
-firmware is armed and in that mode.  A row of the table in docs/outdoors.md:
+its throttle.  The aircraft is held in the wind until the firmware is armed and in that mode.  A row
+of the table in docs/outdoors.md:
 
     aloft       until it hits something, or to the end
     throttle    of full throttle, on average and in all
@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -39,6 +38,7 @@ from tgl_soar.analysis.experiments.outdoors.hour import (
     hour_flown,
     record_of,
 )
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.firmware.ardupilot import STEP_HZ, ArduPlane, start
@@ -146,14 +146,14 @@ def fly_hour(
         firmware = Firmware(world, plane, relay, seed)
         firmware.begin()
         world.held = False
-        return _watched(firmware, flown.values.__getitem__, 60.0 * minutes)
+        return _watched(firmware, flown.values, 60.0 * minutes)
     finally:
         plane.close()
         relay.close()
 
 
-def _watched(firmware: Firmware, value: Callable[[str], float], seconds: float) -> Hour:
-    """Fly on; value: a parameter's, of the line."""
+def _watched(firmware: Firmware, values: ParameterSet, seconds: float) -> Hour:
+    """Fly on; values: of the line."""
     world, begins = firmware.world, firmware.world.steps
     ends = begins + round(seconds * STEP_HZ)
     rows = []
@@ -162,13 +162,13 @@ def _watched(firmware: Firmware, value: Callable[[str], float], seconds: float) 
         truth = world.truth
         rows.append((truth.x_m, truth.y_m, truth.z_m, firmware.plane.throttle))
     x, y, z, throttle = np.array(rows).T
-    low, middle, high = np.percentile(z - value("TGL_Z"), [0, 50, 100])
+    low, middle, high = np.percentile(z - values["TGL_Z"], [0, 50, 100])
     return Hour(
         aloft_s=(world.steps - begins) / STEP_HZ,
         ended=world.crashed.partition(" at x")[0],
         throttle_s=float(throttle.sum()) / STEP_HZ,
         heights_m=(float(low), float(middle), float(high)),
-        away_m=float(np.hypot(x - value("TGL_X"), y).max()),
+        away_m=float(np.hypot(x - values["TGL_X"], y).max()),
     )
 
 

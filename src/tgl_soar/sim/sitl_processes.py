@@ -68,11 +68,10 @@ def bridge_command(
         *("--companion", companion, "--gcs", operator),
         *("--seed", str(options.seed), "--log", str(truth_file)),
         *("--speed", "realtime" if options.realtime else "lockstep"),
+        *("--receiver", options.receiver),
     ]
     if options.model is not None:
         command += ["--model", options.model]
-    if options.receiver != "local":
-        command += ["--receiver", options.receiver]
     if options.autopilot == "builtin":
         command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
     else:

@@ -10,7 +10,7 @@ from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.analysis.search.places import SearchPlace
-from tgl_soar.analysis.search.steered_flight import COLUMN, SteeredFlight
+from tgl_soar.analysis.search.steered_flight import SteeredFlight
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_parameters
 from tgl_soar.control.laws import SEARCH_LOOKS, SEARCH_SOARS
@@ -18,7 +18,6 @@ from tgl_soar.control.search.glimpse import LineRequest
 from tgl_soar.control.search.lift_search import Sighting
 from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.onboard.line_moves import line_parameters_of
-from tgl_soar.sim.compiled_flight import why_it_stands_so
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
 
 ALREADY: Final = ("drag", "wind", "slope_rad")  # of a place: drawn with it, and known to no file
@@ -84,12 +83,12 @@ class EpisodeFlight(SteeredFlight):
 
     def ended(self, episode: Episode) -> Episode:
         """The episode with what the flight came to."""
-        now, place, world = self.now, self.place, self.world
+        now, place = self.now, self.place
         assert now is not None
-        episode.ended = why_it_stands_so(world, now.standing, now.reason, now.aircraft)
+        flown = self.trajectory(self.world.step_hz // 10)
+        episode.ended = flown.ended
         episode.flown_s = self.time_s
-        kept = self.rows[: now.steps : world.step_hz // 10]
-        episode.path = {column: kept[:, n].copy() for column, n in COLUMN.items()}
+        episode.path = {name: column.copy() for name, column in flown.columns.items()}
         floor_m = float(floor_at(place.ground, now.aircraft.x_m, place.box.z_min_m))
         episode.height_left_m = now.aircraft.z_m - floor_m
         return episode

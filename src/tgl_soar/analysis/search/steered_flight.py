@@ -18,8 +18,9 @@ from tgl_soar.control.laws import laws_from
 from tgl_soar.control.search.glimpse import LOOK_S, Glimpse, task_of
 from tgl_soar.control.search.lift_search import Sighting, guards_of, sighting_of
 from tgl_soar.control.throttle import can_hold
+from tgl_soar.sim.closed_loop import Trajectory
 from tgl_soar.sim.compiled import cell, compiled
-from tgl_soar.sim.compiled_flight import begun, prepare
+from tgl_soar.sim.compiled_flight import begun, prepare, why_it_stands_so
 from tgl_soar.sim.flight import FLIES, Row
 from tgl_soar.sim.watched_flight import Looked, fly_to_look_in_cells
 from tgl_soar.sim.world import World
@@ -113,6 +114,14 @@ class SteeredFlight:
             laws = laws_from(self.values, world.frame, world.aerodynamics, world.ground)
             self._laws = self._cell(laws)  # only compiled functions write to one
             self._changes += 1
+
+    def trajectory(self, every: int = 1) -> Trajectory:
+        """What was flown, a row every so many ticks, and how it ended."""
+        now = self.now
+        assert now is not None
+        rows = self.rows[: now.steps : every]
+        ended = why_it_stands_so(self.world, now.standing, now.reason, now.aircraft)
+        return Trajectory({name: rows[:, n] for name, n in COLUMN.items()}, ended, now.steps)
 
 
 def _plain_cell(value: object) -> SimpleNamespace:

@@ -55,7 +55,7 @@ def test_a_drifting_receiver_begins_where_the_operator_has_put_the_line(
     exact = flown[sat.RTK]
     assert exact.fix_off_m < drifted.fix_off_m
     assert exact.off_m < drifted.off_m
-    assert 0.5 < exact.within_share <= 1.0
+    assert 0.5 < exact.within <= 1.0
 
 
 @FLIES_COMPILED
@@ -93,14 +93,14 @@ def test_what_counts_as_lost_and_as_landed(flown: dict[str, SatelliteFlight]) ->
         (sat.HELD, {"ended": "disengaged: too low", "clearance_m": 0.9}, {2, 5}),
         (sat.RECEIVER, {"beside_m": 0.31}, {3}),
         (sat.RTK, {"off_m": 0.31}, {4}),
-        (sat.RTK, {"ended": "disengaged: outside the fence"}, {1}),
+        (sat.RTK, {"ended": "disengaged: outside the fence"}, {1, 4}),  # early is not near
         (sat.HELD, {"last_off_m": 0.31}, {5}),
     ],
 )
 def test_each_claim_can_fail(kind: str, changes: dict[str, Any], claims: set[int]) -> None:
     good = SatelliteFlight(
         kind="", seed=1, faults=(), duration_s=1.0, ended="", captures=0, off_m=0.1, last_off_m=0.1,
-        fix_off_m=0.0, beside_m=0.1, beside_share=0.0, within_share=1.0, clearance_m=nan,
+        fix_off_m=0.0, beside_m=0.1, beside_share=0.0, within=1.0, clearance_m=nan,
         apart_m=0.01, along_m=nan,
         across_m=nan, sink_mps=nan, landing=False,
     )  # fmt: skip
@@ -115,7 +115,7 @@ def test_who_is_disengaged_high_and_without_leave_fails_only_what_it_does_not_so
         kind=sat.HELD, seed=1, faults=(), duration_s=1.0, ended="disengaged: position lost",
         captures=0,
         off_m=0.1, last_off_m=0.1, fix_off_m=0.0, beside_m=0.1, beside_share=0.0,
-        within_share=1.0, clearance_m=4.0,
+        within=1.0, clearance_m=4.0,
         apart_m=nan, along_m=nan, across_m=nan, sink_mps=nan, landing=False,
     )  # fmt: skip
     by_kind = {each: [replace(high, kind=each, ended="", apart_m=0.0)] for each in sat.KINDS}

@@ -69,7 +69,7 @@ from tgl_soar.types import GlidePolar
 
 SOARED_LINE: Final = "a"
 FLIGHTS: Final = 100
-DISPERSED_FLIGHTS: Final = 50  # and no baselines: who walks is told no more of the aircraft
+DISPERSED_FLIGHTS: Final = 50  # and no baselines: all of it again takes half an hour more
 QUICK: Final = 1
 FIRST_SEED: Final = 9201  # 9001 to 9008 were flown in 8 m/s, 9101 to 9110 before
 HOUR_S: Final = 3600.0
@@ -196,9 +196,8 @@ def field_of(flown: HourFlown, record: WindRecord) -> RecordedField:
     return RecordedField(HillField(air.wind_mps, air.radius_m), record)
 
 
-def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
-    flown = hour_flown(job)
-    world = flown_world(
+def _world_of(job: HourJob, flown: HourFlown, record: WindRecord) -> World:
+    return flown_world(
         flown.airframe,
         flown.site,
         job.seed,
@@ -208,14 +207,14 @@ def _world_of(job: HourJob, record: WindRecord) -> tuple[World, ParameterSet]:
         field=field_of(flown, record),
         sensors=Sensors(imu=MEMS_IMU),
     )
-    return world, flown.values
 
 
 def path_of(job: HourJob, record: WindRecord) -> tuple[Trajectory, ParameterSet]:
     """The whole flight, and with which parameters."""
-    world, values = _world_of(job, record)
+    what = hour_flown(job)
+    world, values = _world_of(job, what, record), what.values
     if job.case.who == WALK:
-        polar = _hill_of(job.case).airframe.polar.as_polar()
+        polar = what.airframe.polar.as_polar()
         return walked(world, values, polar, job.duration_s, job.seed), values
     if available():
         return fly_compiled(prepare(world, job.duration_s), job.seed, values, ()), values

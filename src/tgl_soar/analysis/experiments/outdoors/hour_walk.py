@@ -15,7 +15,6 @@ from tgl_soar.control.supervisor import BREAKING_OFF
 from tgl_soar.onboard.line_moves import line_parameters_of
 from tgl_soar.sim.closed_loop import Trajectory
 from tgl_soar.sim.compiled import available
-from tgl_soar.sim.compiled_flight import why_it_stands_so
 from tgl_soar.sim.world import World
 from tgl_soar.types import GlidePolar
 
@@ -36,8 +35,4 @@ def walked(
             continue
         walk = walk or Walk(look, "hill", seed)
         flight.set(line_parameters_of(walk.look(look).target))
-    now = flight.now
-    assert now is not None
-    ended = why_it_stands_so(world, now.standing, now.reason, now.aircraft)
-    flown = flight.rows[: now.steps]
-    return Trajectory({name: flown[:, n] for name, n in COLUMN.items()}, ended, now.steps)
+    return flight.trajectory()

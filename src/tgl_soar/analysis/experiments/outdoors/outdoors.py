@@ -68,6 +68,7 @@ FIRST_SEED: Final = 6001  # seeds below were looked at while this was built
 # place, 19 m before the hill, is as far as it may be.
 WIND_MPS: Final = (6.8, 7.6)
 INTENSITY: Final = (0.0, 0.05)
+WITHIN_M: Final = 0.3  # of its lift, as is asked of an aircraft whose position does not drift
 ALREADY: Final = ("wind",)  # that is drawn here, and the module is given none of it
 THROW_MPS: Final = 3.0  # into 8 to 10 m/s of wind at the edge: a push, no throw with a run
 THROW_OFF_MPS: Final = 1.0
@@ -403,6 +404,36 @@ def span(values: list[float], digits: int = 1) -> str:
         return "–"
     low, middle, high = np.percentile(known, [0, 50, 100])
     return f"{low:.{digits}f}, {middle:.{digits}f}, {high:.{digits}f}"
+
+
+class NearLift(Protocol):
+    """A flight that knows how far it was off its lift."""
+
+    @property
+    def off_m(self) -> float: ...  # at most
+
+    @property
+    def within(self) -> float: ...  # of `share_within`
+
+    @property
+    def gone(self) -> bool: ...  # lost, or disengaged
+
+
+def share_within(offs_m: list[float]) -> float:
+    """The share of the ticks within WITHIN_M."""
+    return sum(abs(off) <= WITHIN_M for off in offs_m) / max(1, len(offs_m))
+
+
+def stays_claim(kind: str, flown: Sequence[NearLift]) -> Claim:
+    """Whether every flight stayed within WITHIN_M of its lift, to the end."""
+    near = sum(each.off_m <= WITHIN_M and not each.gone for each in flown)
+    of_time = sum(each.within for each in flown) / max(1, len(flown))
+    return Claim(
+        f"{kind}: the aircraft stays within {WITHIN_M:g} m of its lift",
+        near == len(flown),
+        f"{fraction_text(near, len(flown))} of flights at every instant, {100 * of_time:.0f} %"
+        " of the time",
+    )
 
 
 class Ended(Protocol):

@@ -22,7 +22,14 @@ from random import Random
 from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.outdoors.outdoors import ALREADY, ends_by_kind, span
+from tgl_soar.analysis.experiments.outdoors.outdoors import (
+    ALREADY,
+    WITHIN_M,
+    ends_by_kind,
+    share_within,
+    span,
+    stays_claim,
+)
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
@@ -58,7 +65,6 @@ BEGIN_S: Final = 16.0  # soaring since the sixth second
 DRIFT_S: Final = 180.0
 WRONG_S: Final = 20.0
 AFTER_S: Final = 20.0
-WITHIN_M: Final = 0.3
 
 RECEIVER, HEIGHT = "receiver", "height alone"
 RECEIVER_RANGED, HEIGHT_RANGED = "receiver, rangefinder", "height alone, rangefinder"
@@ -230,7 +236,7 @@ def fly_range(job: RangeJob) -> RangeFlight:
         captures=flown.captures,
         off_rms_m=_rms(offs),
         off_m=max(map(abs, offs), default=nan),
-        within=sum(abs(off) <= WITHIN_M for off in offs) / max(1, len(offs)),
+        within=share_within(offs),
         height_rms_m=_rms(flown.height_off_m),
         least_m=flown.least_m,
         apart_m=apart,
@@ -264,23 +270,11 @@ def run(context: Context) -> Result:
 
 
 def _claims(by_kind: dict[str, list[RangeFlight]]) -> tuple[Claim, ...]:
-    def stays(kind: str) -> Claim:
-        some = by_kind[kind]
-        near = sum(each.off_m <= WITHIN_M and not each.gone for each in some)
-        of_time = sum(each.within for each in some) / max(1, len(some))
-        return Claim(
-            f"{kind}: the aircraft stays within {WITHIN_M:g} m of its lift",
-            near == len(some),
-            f"{fraction_text(near, len(some))} of flights at every instant, {100 * of_time:.0f} %"
-            " of the time",
-        )
-
     wrong = by_kind[WRONG]
     gone = sum(each.gone for each in wrong)
     apart = max((each.apart_m for each in wrong), default=nan)
     return (
-        stays(RECEIVER_RANGED),
-        stays(HEIGHT_RANGED),
+        *(stays_claim(kind, by_kind[kind]) for kind in (RECEIVER_RANGED, HEIGHT_RANGED)),
         Claim(
             "none is lost or disengaged by a wrong rangefinder, and none captures again",
             gone + sum(each.captures for each in wrong) == 0,

@@ -23,14 +23,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, inf, isfinite, nan, pi, radians, sin
 from random import Random
-from statistics import fmean
 from typing import Any, Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.outdoors.outdoors import (
     ALREADY,
+    WITHIN_M,
     ends_by_kind,
+    share_within,
     span,
+    stays_claim,
     touches_down_well,
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
@@ -82,7 +84,6 @@ RECKONED_MPS2: Final = 0.03  # g times 0.2 degrees of tilt
 APART_M: Final = 0.05  # what a reset may move
 BESIDE_M: Final = 0.3  # by which the aircraft may be farther off than its fixes say
 HANDED_M: Final = 1.0  # CLEAR_MIN of the hill
-STAYS_M: Final = 0.3  # of its lift, as is asked of a receiver that does not drift
 
 RESET, TURNED, RECEIVER, RTK = "reset", "turned", "receiver", "receiver, RTK"
 DRIFTS: Final = (RECEIVER, RTK)
@@ -120,7 +121,7 @@ class SatelliteFlight:
     fix_off_m: float  # the largest error of the fixes that were given, across the line
     beside_m: float  # the most by which e_rho was beyond the error of the fix of the same tick
     beside_share: float  # of the ticks in which that was more than BESIDE_M
-    within_share: float  # of the ticks in which e_rho was STAYS_M or less
+    within: float  # share of the ticks with e_rho within WITHIN_M
     clearance_m: float  # over the ground when it was disengaged; NaN: it was not
     apart_m: float  # resets: the largest difference of e_rho to the same flight without; else NaN
     along_m: float  # beyond the landing point, where it touched the ground
@@ -137,6 +138,11 @@ class SatelliteFlight:
     def lost(self) -> bool:
         """It hit something, and was not landing where it should."""
         return bool(self.ended) and not self.disengaged and not self.landed
+
+    @property
+    def gone(self) -> bool:
+        """It was lost, or handed over."""
+        return self.lost or self.disengaged
 
     @property
     def landed(self) -> bool:
@@ -325,7 +331,7 @@ def fly_satellites(job: SatelliteJob) -> SatelliteFlight:
         fix_off_m=max(map(abs, flown.fix_off_m), default=nan),
         beside_m=max(beside, default=nan),
         beside_share=sum(each > BESIDE_M for each in beside) / max(1, len(beside)),
-        within_share=sum(abs(off) <= STAYS_M for off in flown.off_m) / max(1, len(flown.off_m)),
+        within=share_within(flown.off_m),
         clearance_m=flown.clearance_m,
         apart_m=apart,
         along_m=along,
@@ -368,12 +374,10 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
     worst = max((each.apart_m for each in resets), default=nan)
     captured = sum(each.captures for each in resets)
     stays = [each for kind in STAYS for each in by_kind[kind]]
-    gone = sum(each.lost or each.disengaged for each in stays)
+    gone = sum(each.gone for each in stays)
     drifted = by_kind[RECEIVER]
     beside = max((each.beside_m for each in drifted), default=nan)
     fraction_beside = sum(each.beside_share for each in drifted) / max(1, len(drifted))
-    exact = by_kind[RTK]
-    within = sum(each.off_m <= STAYS_M for each in exact)
     outages = by_kind[HELD]
     held = [each for each in outages if not each.ended]
     off = max((each.last_off_m for each in held), default=nan)
@@ -407,12 +411,7 @@ def _claims(by_kind: dict[str, list[SatelliteFlight]]) -> tuple[Claim, ...]:
             f"by {beside:.2f} m at most, by more than {BESIDE_M:g} m for"
             f" {100 * fraction_beside:.1f} % of the time",
         ),
-        Claim(
-            f"with carrier-phase corrections the aircraft stays within {STAYS_M:g} m of its lift",
-            bool(exact) and within == len(exact),
-            f"{fraction_text(within, len(exact))} of flights at every instant,"
-            f" {100 * fmean([each.within_share for each in exact] or [nan]):.0f} % of the time",
-        ),
+        stays_claim(RTK, by_kind[RTK]),
         Claim(
             "whoever soars on after dead reckoning is back on its own line",
             off < BESIDE_M,
@@ -436,7 +435,7 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
                 f"{sum(each.captures for each in some)}",
                 span([each.fix_off_m for each in some], 2),
                 span([each.off_m for each in some], 2),
-                span([100 * each.within_share for each in some if each.kind in DRIFTS], 0),
+                span([100 * each.within for each in some if each.kind in DRIFTS], 0),
                 span([each.beside_m for each in some if each.kind in DRIFTS], 2),
                 span([each.clearance_m for each in some]),
                 span([each.last_off_m for each in soared], 2),
@@ -446,7 +445,7 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
     columns = (
         "", "flights", "still soared", "landed as they should", "disengaged", "lost",
         "captured again", "fixes off, across the line [m]", "off the line, at most [m]",
-        "within 0.3 m [% of the time]",
+        f"within {WITHIN_M:g} m [% of the time]",
         "beyond the fix of that instant [m]", "disengaged, over the ground [m]", "in the end [m]",
         "e_rho moved [cm]",
     )  # fmt: skip
@@ -456,7 +455,7 @@ def _table(by_kind: dict[str, list[SatelliteFlight]]) -> Table:
 def _numbers(each: SatelliteFlight) -> dict[str, object]:
     keep = (
         "kind", "seed", "faults", "duration_s", "ended", "captures", "off_m", "last_off_m",
-        "fix_off_m", "beside_m", "beside_share", "within_share", "clearance_m",
+        "fix_off_m", "beside_m", "beside_share", "within", "clearance_m",
         "apart_m", "along_m", "across_m",
         "sink_mps",
     )  # fmt: skip
