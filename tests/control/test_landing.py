@@ -7,7 +7,12 @@ from typing import Any
 
 import pytest
 
-from tgl_soar.control import glide_home, landing
+from tgl_soar.control import airspeed_hold, glide_home, landing
+from tgl_soar.control.airspeed_hold import (
+    NO_GLIDE,
+    GlidePitches,
+    GlideState,
+)
 from tgl_soar.control.glide_home import (
     NO_ESCAPE,
     EscapeState,
@@ -18,9 +23,6 @@ from tgl_soar.control.glide_home import (
     time_left,
 )
 from tgl_soar.control.landing import (
-    NO_GLIDE,
-    GlidePitches,
-    GlideState,
     LandingParams,
     LandingPlace,
     across,
@@ -441,7 +443,7 @@ def test_what_the_air_slows_has_more_time() -> None:
 
 
 def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
-    state, setpoints = NO_GLIDE, landing.GlideSetpoints(0.0, 0.0, 0.0, 0.0)
+    state, setpoints = NO_GLIDE, airspeed_hold.GlideSetpoints(0.0, 0.0, 0.0, 0.0)
     y = worst = 0.0
     for k in range(round(20.0 / DT)):
         vehicle = at(k * DT, x_m=-14.0, y_m=y, z_m=14.0)
@@ -516,7 +518,9 @@ def test_what_the_air_carries_is_not_woven_off_there() -> None:
         state, _ = glide_step(PARAMS, state, False, True, vehicle, air(), 14.0, False, DT)
         if k * DT < 3.0:
             assert state.sink_mps == pytest.approx(1.0)
-    assert state.sink_mps == pytest.approx(-0.2 + 1.2 * exp(-7.0 / landing.CARRIED_S), abs=0.01)
+    assert state.sink_mps == pytest.approx(
+        -0.2 + 1.2 * exp(-7.0 / airspeed_hold.AVERAGE_S), abs=0.01
+    )
 
 
 @pytest.mark.parametrize("speed_mps", [nan, 7.0, 9.5, 14.0])
@@ -531,7 +535,7 @@ def test_an_airspeed_that_is_not_measured_lowers_the_nose_and_does_not_raise_it_
         ).pitch_rad
         for it in (True, False)
     ]
-    free = 0.01 + (landing.KP * (speed_mps - 8.4) if isfinite(speed_mps) else 0.0)
+    free = 0.01 + (airspeed_hold.KP * (speed_mps - 8.4) if isfinite(speed_mps) else 0.0)
     assert found == pytest.approx([free, min(free, -0.01)])
 
 
@@ -554,16 +558,16 @@ def held(
 def test_a_stall_is_told_by_the_elevator_and_ends_with_the_nose_down() -> None:
     flown = held(2.0, NO_GLIDE, nose_held=False)
     assert abs(flown.weave_rad) > 0.3
-    almost = held(landing.STALL_S - 2.0 * DT, flown, 2.0)
+    almost = held(airspeed_hold.STALL_S - 2.0 * DT, flown, 2.0)
     assert not almost.stalled
-    stalled = held(landing.STALL_S, flown, 2.0)
+    stalled = held(airspeed_hold.STALL_S, flown, 2.0)
     assert stalled.stalled
     pitches = pitched(-0.04, slowest_rad=-0.01, fastest_rad=-0.13)
     setpoints = glide_setpoints(PARAMS, stalled, False, True, pitches, at(), air(), 14.0)
     assert setpoints.pitch_rad <= -0.13
     nothing = glide_setpoints(PARAMS, stalled, False, True, pitched(nan), at(), air(), 14.0)
     assert nothing.pitch_rad <= PARAMS.glide_pitch_rad
-    after = held(landing.RECOVER_S + DT, stalled, 3.0, nose_held=False)
+    after = held(airspeed_hold.RECOVER_S + DT, stalled, 3.0, nose_held=False)
     assert after.recovers_s == 0.0
     setpoints = glide_setpoints(PARAMS, after, False, True, pitches, at(), air(), 14.0)
     assert setpoints.pitch_rad > -0.13
@@ -596,7 +600,7 @@ def test_speed_is_held_by_pitch() -> None:
         setpoints = glide_setpoints(
             PARAMS, state, True, True, pitched(-0.03), at(), air(airspeed_mps=speed), inf
         )
-        assert setpoints.pitch_rad == pytest.approx(-0.03 + sign * landing.KP)
+        assert setpoints.pitch_rad == pytest.approx(-0.03 + sign * airspeed_hold.KP)
     state, _ = glide_step(PARAMS, state, True, True, at(), air(airspeed_mps=12.0), 10.0, False, 0.1)
     assert state.integral_rad > 0.0
 

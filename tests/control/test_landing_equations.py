@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tgl_soar.control import landing
+from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_error import NO_AIRSPEED_ERROR
-from tgl_soar.control.landing import (
+from tgl_soar.control.airspeed_hold import (
     NO_GLIDE,
     GlidePitches,
     GlideState,
+)
+from tgl_soar.control.landing import (
     LandingParams,
     LandingPlace,
     across,
@@ -381,7 +383,7 @@ def test_it_turns_back_where_the_turn_would_end_beyond_its_width(goes_right: boo
 PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15)
 
 
-def setpoints(state: GlideState, felt: AirEstimate, **changes: Any) -> landing.GlideSetpoints:
+def setpoints(state: GlideState, felt: AirEstimate, **changes: Any) -> airspeed_hold.GlideSetpoints:
     options: dict[str, Any] = {"outward": False, "position_ok": True, "clearance_m": inf}
     options |= {"vehicle": at(), "pitches": PITCHES} | changes
     return glide_setpoints(

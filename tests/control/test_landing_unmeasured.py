@@ -9,11 +9,13 @@ import pytest
 from test_landing import DT, PARAMS, POLAR, SLOWEST, at, pitched
 from test_landing import air as any_air
 
-from tgl_soar.control import landing
+from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_error import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
-from tgl_soar.control.landing import (
+from tgl_soar.control.airspeed_hold import (
     NO_GLIDE,
     GlideState,
+)
+from tgl_soar.control.landing import (
     glide_setpoints,
     glide_step,
     half_width,
@@ -155,7 +157,7 @@ def test_the_nose_goes_down_by_what_turning_has_told() -> None:
         found += [glide_setpoints(PARAMS, state, False, True, pitches, at(), air(), inf).pitch_rad]
     error = -9.0 * error_sigma(slow) ** 2
     assert error < -1.0
-    assert found[0] == pytest.approx(found[1] + landing.KP * error)
+    assert found[0] == pytest.approx(found[1] + airspeed_hold.KP * error)
     assert found[2] == found[1]
 
 

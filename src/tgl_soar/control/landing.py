@@ -54,13 +54,7 @@ which the flare lives on: a weave takes speed that is not measured, and nobody k
 the air carries it, so that it sinks by less than a quarter of S, no weave brings it down: it goes
 on upstream by v_d >= OUT_MPS, and comes back where it sinks again.
 
-    theta_sp = theta_glide(V_sp) + KP (V − V_sp) + KI ∫ (V − V_sp) dt
-
-Held pitch alone brings V to its place in 3.6 s (2 g alpha / V² of it); KP makes 1.5 s of that, KI a
-wrong theta_glide good in 4 s, damped by 0.8.  An airspeed that no pitot tube measures may lower the
-nose by this and not raise it above theta_glide of the slowest V: drag that nobody knows of looks
-like speed, in a weave and near the stall, and to slow down for it is how a stall begins, while a
-pitch is certain to some tenths of a degree and keeps V by itself.
+How V is held is said in `control.airspeed_hold`.
 
 **What is not measured may be wrong**: without a pitot tube V is what turns have shown it to be
 (`control.airspeed_error`), with a standard deviation sigma, and the wind is as much less as V is.
@@ -69,10 +63,7 @@ nose goes LOOK_RAD to either side at least, as wide as a weave, down to LOOK_ABO
 straight rest.  In slow turns it goes on upwind: with a sigma of STEEP_MPS or less it may bank by
 STEEPER more than SIDE_BANK from STEEP_ABOVE_M over that on, by all of it STEEP_WITHIN_M higher up.
 
-**A stall** that came all the same is detected by the elevator: as far up as it may go while the
-nose stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then
-the nose goes down to the pitch of the fastest glide for RECOVER_S, where no wing stays stalled;
-from then on it does not weave and flies no slower than the best glide.
+**A stall** that came all the same ends the weave, and it flies no slower than the best glide.
 
 **The flare** holds the sink that dies out with the height h,
 
@@ -85,15 +76,23 @@ from then on it does not weave and flies no slower than the best glide.
 
 from __future__ import annotations
 
-from math import asin, atan2, cos, exp, log, pi, radians, sin
+from math import asin, atan2, cos, log, pi, radians, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.control.airspeed_error import (
-    NO_AIRSPEED_ERROR,
-    AirspeedErrorState,
     airspeed_error_step,
     airspeed_sigma,
     corrected_air,
+)
+from tgl_soar.control.airspeed_hold import (
+    GlidePitches,
+    GlideSetpoints,
+    GlideState,
+    glide_pitch_held,
+    hold_step,
+    speed_pitch,
+    speed_setpoint,
+    stall_step,
 )
 from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
 from tgl_soar.control.wind_triangle import cross_wind, ground_speed
@@ -141,20 +140,6 @@ STEEP_ABOVE_M: Final = 4.0  # 8.5 m over the place: three seconds to be level in
 STEEP_WITHIN_M: Final = 2.0
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
 CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
-CARRIED_S: Final = 3.0  # averaged over: an eddy of some metres is over in a second, a turn in two
-# A stall. Gusts of 10 % take the elevator to its end for some tenths of a second, and the nose
-# comes up then; a loop that follows its setpoint is off it by a degree. Twice that, for as long as
-# the pitch takes to follow (ELE_P, 0.2 s) and as much again.
-STALL_S: Final = 0.5
-STALL_RAD: Final = 0.035
-STALL_SINK_MPS: Final = 0.5  # more than the glide: sink that a gust makes is half of it
-# From a stall at 6 m/s, sinking by 4: it falls on at 1.5 m/s^2 or more for each second that the
-# nose is down, and flies again from 7.6 m/s on.
-RECOVER_S: Final = 1.5
-KP: Final = 0.05  # rad for each m/s
-KI: Final = 0.015  # rad for each m
-INTEGRAL_MAX_RAD: Final = 0.1
-GAIN_MPS2: Final = 1.5  # of the speed's setpoint: 0.15 g, 9 degrees of path
 FLARE_S: Final = 1.0
 FLARE_MIN_M: Final = 0.5
 SINK_MPS: Final = 0.4
@@ -202,54 +187,6 @@ class LandingParams(NamedTuple):
     glide_pitch_rad: float  # where the airframe's is not known
     side_max_m: float  # of the fence: no weave is meant to go farther to either side
     tilt_max_rad: float  # beyond it the envelope hands over
-
-
-class GlideState(NamedTuple):
-    """What the glide home remembers."""
-
-    speed_mps: float  # its setpoint; NaN: it does not glide
-    integral_rad: float
-    flares: bool  # it is near the ground
-    weave_rad: float  # heading from the wind, to the right; 0: it flies straight
-    goes_right: bool  # the weave
-    sink_mps: float  # over the ground, averaged; NaN: not yet
-    stalling_s: float  # for so long it has looked like a stall
-    recovers_s: float  # so long the nose stays down
-    stalled: bool  # it has, on this way home
-    airspeed_error: AirspeedErrorState  # as turns have shown it, where it is not measured
-    from_high: bool  # it has come from more than HIGH_M
-
-
-class GlidePitches(NamedTuple):
-    """theta_glide at three airspeeds; NaN: not known."""
-
-    wanted_rad: float  # of the setpoint's
-    slowest_rad: float
-    fastest_rad: float
-
-
-class GlideSetpoints(NamedTuple):
-    """What the glide home asks of the attitude loops."""
-
-    pitch_rad: float
-    heading_rad: float  # from straight upwind of the frame
-    sideways_mps: float  # over the ground, to the right
-    steeper: float  # by so much of itself the largest bank may be more
-
-
-NO_GLIDE: Final = GlideState(
-    speed_mps=NAN,
-    integral_rad=0.0,
-    flares=False,
-    weave_rad=0.0,
-    goes_right=True,
-    sink_mps=NAN,
-    stalling_s=0.0,
-    recovers_s=0.0,
-    stalled=False,
-    airspeed_error=NO_AIRSPEED_ERROR,
-    from_high=False,
-)
 
 
 def along(place: LandingPlace, x_m: float, y_m: float) -> float:
@@ -430,13 +367,11 @@ def glide_step(
     air = corrected_air(airspeed_error, air)
     low, high = slowest_known(params, air.measured), params.polar.speed_max_mps
     wanted = approach_speed(params, low, vehicle, air) if known else params.best_glide_mps
-    state = _stall_step(params, state, position_ok, nose_held, vehicle, dt_s)
+    sink_mps = polar_sink(params.polar, slowest(params))
+    state = stall_step(state, sink_mps, position_ok, nose_held, vehicle, dt_s)
     if state.stalled:
         wanted = max(wanted, params.best_glide_mps)
-    speed = state.speed_mps
-    if speed != speed:
-        speed = air.airspeed_mps if air.airspeed_mps == air.airspeed_mps else wanted
-        speed = max(low, min(high, speed)) if high > low else wanted
+    speed = speed_setpoint(state, air.airspeed_mps, low, high, wanted)
     over_m = vehicle.z_m - params.place.z_m - FINAL_M
     from_high = state.from_high or (known and over_m > HIGH_M)
     fast = not air.measured and not from_high
@@ -458,29 +393,16 @@ def glide_step(
     weaves = state.weave_rad + max(-turn, min(turn, weaves - state.weave_rad))
     if outward and air.wind_mps == air.wind_mps:  # out of the lift first
         wanted = max(wanted, min(high, air.wind_mps + 4.0 * ADVANCE_MPS))
-    most = GAIN_MPS2 * dt_s
-    speed += max(-most, min(most, wanted - speed))
-    error = air.airspeed_mps - speed
-    integral = state.integral_rad
     flares = position_ok and flare_height(params, vehicle, clearance_m) <= max(
         FLARE_MIN_M, -vehicle.climb_mps * FLARE_S
     )
-    if error == error and not flares and state.recovers_s <= 0.0:
-        integral = max(-INTEGRAL_MAX_RAD, min(INTEGRAL_MAX_RAD, integral + KI * error * dt_s))
-    state = GlideState(
-        speed_mps=speed,
-        integral_rad=integral,
-        flares=flares,
+    state = hold_step(state, speed, wanted, flares, air.airspeed_mps, dt_s)._replace(
         weave_rad=weaves,
         goes_right=goes_right,
-        sink_mps=state.sink_mps,
-        stalling_s=state.stalling_s,
-        recovers_s=state.recovers_s,
-        stalled=state.stalled,
         airspeed_error=airspeed_error,
         from_high=from_high,
     )
-    return state, air.airspeed_mps if flares else speed
+    return state, air.airspeed_mps if flares else state.speed_mps
 
 
 def _goes_right(
@@ -499,34 +421,6 @@ def _goes_right(
     off += (FAST_LAG_S if fast else WEAVE_LAG_S) * speed_mps * sin(state.weave_rad)
     most = half_width(params, over_m, fast)
     return off < most if state.goes_right else off < -most
-
-
-def _stall_step(
-    params: LandingParams,
-    state: GlideState,
-    position_ok: bool,
-    nose_held: bool,
-    vehicle: VehicleState,
-    dt_s: float,
-) -> GlideState:
-    """How it sinks, and whether that is a stall; a flare is none.
-
-    Where the sink is not known, or no glide's, the nose alone tells.
-    """
-    now = -vehicle.climb_mps
-    sinks = state.sink_mps
-    sinks = sinks + (1.0 - exp(-dt_s / CARRIED_S)) * (now - sinks) if sinks == sinks else now
-    glide_sink = polar_sink(params.polar, slowest(params))
-    falls = not position_ok or not now <= glide_sink + STALL_SINK_MPS  # true for NaN
-    looks = nose_held and falls and state.recovers_s <= 0.0 and not state.flares
-    stalling_s = max(0.0, state.stalling_s + (dt_s if looks else -dt_s))
-    recovers_s = max(0.0, state.recovers_s - dt_s)
-    stalled = state.stalled
-    if stalling_s >= STALL_S:
-        stalling_s, recovers_s, stalled = 0.0, RECOVER_S, True
-    return state._replace(
-        sink_mps=sinks, stalling_s=stalling_s, recovers_s=recovers_s, stalled=stalled
-    )
 
 
 def flare_height(params: LandingParams, vehicle: VehicleState, clearance_m: float) -> float:
@@ -548,22 +442,14 @@ def glide_setpoints(
 ) -> GlideSetpoints:
     """What follows of it."""
     air = corrected_air(state.airspeed_error, air)
-    known = pitches.wanted_rad == pitches.wanted_rad  # not NaN
-    pitch = pitches.wanted_rad if known else params.glide_pitch_rad
-    pitch += state.integral_rad
     speed = air.airspeed_mps if air.airspeed_mps > 1.0 else max(1.0, params.best_glide_mps)
     if state.flares:
         height = flare_height(params, vehicle, clearance_m)
         sink_wanted = max(SINK_MPS, height / FLARE_S)
+        pitch = glide_pitch_held(state, pitches, params.glide_pitch_rad)
         pitch += KF * (-vehicle.climb_mps - sink_wanted) / speed
     else:
-        if air.airspeed_mps == air.airspeed_mps:
-            pitch += KP * (air.airspeed_mps - state.speed_mps)
-        if not air.measured and pitch > pitches.slowest_rad:  # false for NaN
-            pitch = pitches.slowest_rad
-        if state.recovers_s > 0.0:
-            fastest = pitches.fastest_rad
-            pitch = min(pitch, fastest if fastest == fastest else params.glide_pitch_rad)
+        pitch = speed_pitch(state, pitches, params.glide_pitch_rad, air.airspeed_mps, air.measured)
     if not (position_ok and params.place.length_m > 0.0):
         return GlideSetpoints(pitch, 0.0, 0.0, 0.0)
     if state.weave_rad != 0.0:

@@ -10,6 +10,13 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
+from tgl_soar.control.airspeed_hold import (
+    NO_GLIDE,
+    STALL_RAD,
+    GlidePitches,
+    GlideSetpoints,
+    GlideState,
+)
 from tgl_soar.control.conditions import is_place_known
 from tgl_soar.control.envelope import OUT_DOWNSTREAM, Limited, Margins
 from tgl_soar.control.estimates import Estimates
@@ -24,11 +31,6 @@ from tgl_soar.control.glide_home import (
 )
 from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
-    NO_GLIDE,
-    STALL_RAD,
-    GlidePitches,
-    GlideSetpoints,
-    GlideState,
     glide_setpoints,
     glide_step,
     slowest_known,
