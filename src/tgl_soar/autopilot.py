@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control import launch_landing as way
 from tgl_soar.control import supervisor as modes
+from tgl_soar.control import supervisor_texts
 from tgl_soar.control.conditions import (
     blind_glide_s,
     excitation_hindrance,
@@ -141,12 +142,12 @@ class Output(NamedTuple):
 
 def mode_name(mode: int) -> str:
     """The word for a mode."""
-    return modes.MODE_NAMES[mode]
+    return supervisor_texts.MODE_NAMES[mode]
 
 
 def reason_text(reason: int) -> str:
     """The words for a change of mode."""
-    return modes.REASON_TEXTS[reason]
+    return supervisor_texts.REASON_TEXTS[reason]
 
 
 def fault_text(faults: int) -> str:

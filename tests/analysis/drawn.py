@@ -37,7 +37,7 @@ FILES: Final = (
     *_in("experiments/estimates", "estimator_experiment", "incidence", "wind_estimate", "wind_use"),
     *_in("experiments/lift", "forecast_experiment", "lift_map_experiment", "nowhere"),
     *_in("experiments/loop", "command_delay", "leans"),
-    *_in("experiments/outdoors", "hour", "outdoors", "satellites"),
+    *_in("experiments/outdoors", "beating", "hour", "outdoors", "satellites"),
     *_in("experiments/paper", "places"),
     *_in("experiments/point", "brake_faults", "hold_point"),
     *_in("report", "figures", "flight_report", "point_figure"),

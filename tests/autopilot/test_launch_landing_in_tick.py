@@ -19,11 +19,7 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Start
 from tgl_soar.control.estimates import estimate
 from tgl_soar.control.glide_home import STILL_S
-from tgl_soar.control.landing import (
-    FINAL_M,
-    FLARE_MIN_M,
-    SOAR_ON,
-)
+from tgl_soar.control.landing import FINAL_M, FLARE_MIN_M, SOAR_ON
 from tgl_soar.control.launch_landing import (
     LOW_S,
     SLOW_S,

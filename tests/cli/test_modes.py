@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
 from tgl_soar.cli.modes import MAKE, page
-from tgl_soar.control.supervisor import CONDITION_TEXTS, MODE_NAMES, REASON_TEXTS, TRANSITIONS
+from tgl_soar.control.supervisor import TRANSITIONS
+from tgl_soar.control.supervisor_texts import CONDITION_TEXTS, MODE_NAMES, REASON_TEXTS
 
 PAGE = Path(__file__).parents[2] / "docs/modes.md"
 

@@ -8,11 +8,7 @@ from typing import Any
 import pytest
 
 from tgl_soar.control import airspeed_hold, glide_home, landing
-from tgl_soar.control.airspeed_hold import (
-    NO_GLIDE,
-    GlidePitches,
-    GlideState,
-)
+from tgl_soar.control.airspeed_hold import NO_GLIDE, GlidePitches, GlideState
 from tgl_soar.control.glide_home import (
     NO_ESCAPE,
     EscapeState,

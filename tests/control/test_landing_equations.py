@@ -12,11 +12,7 @@ from scipy.optimize import brentq
 
 from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_error import NO_AIRSPEED_ERROR
-from tgl_soar.control.airspeed_hold import (
-    NO_GLIDE,
-    GlidePitches,
-    GlideState,
-)
+from tgl_soar.control.airspeed_hold import NO_GLIDE, GlidePitches, GlideState
 from tgl_soar.control.landing import (
     LandingParams,
     LandingPlace,

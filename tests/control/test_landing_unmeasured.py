@@ -11,10 +11,7 @@ from test_landing import air as any_air
 
 from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_error import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
-from tgl_soar.control.airspeed_hold import (
-    NO_GLIDE,
-    GlideState,
-)
+from tgl_soar.control.airspeed_hold import NO_GLIDE, GlideState
 from tgl_soar.control.landing import (
     glide_setpoints,
     glide_step,

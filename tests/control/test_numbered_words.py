@@ -20,7 +20,7 @@ from tgl_soar.control import (
     survey,
     throttle,
 )
-from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
+from tgl_soar.control.supervisor_texts import MODE_NAMES, REASON_TEXTS
 from tgl_soar.estimation import health
 
 # Each in the order of its numbers, with a word of its text.
@@ -151,8 +151,9 @@ def test_a_fault_s_bit_has_its_words() -> None:
 
 
 def test_modes_and_reasons_are_as_many_as_the_log_knows() -> None:
-    assert (len(MODE_NAMES), len(REASON_TEXTS)) == (13, 49)
+    assert (len(MODE_NAMES), len(REASON_TEXTS)) == (14, 51)
     assert MODE_NAMES[3] == "capturing"
     assert REASON_TEXTS[2] == "operator disengaged"
     assert REASON_TEXTS[37] == "waits for the throw"
     assert REASON_TEXTS[48] == "operator soars on"
+    assert REASON_TEXTS[50] == "stands on its line again"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import random
 from functools import cache
+from itertools import combinations
 from math import inf, nan, nextafter
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tgl_soar.control import supervisor as s
+from tgl_soar.control import supervisor_texts
 from tgl_soar.control.supervisor import (
     TRANSITIONS,
     Decision,
@@ -30,10 +32,10 @@ from tgl_soar.control.supervisor import (
     supervise,
 )
 
-MODES = range(len(s.MODE_NAMES))
+MODES = range(len(supervisor_texts.MODE_NAMES))
 FLYING = (
     s.CAPTURING, s.SOARING, s.HOLDING, s.RECOVERING, s.SEARCHING, s.LAUNCHING, s.BREAKING_OFF,
-    s.LANDING,
+    s.LANDING, s.BEATING,
 )  # fmt: skip
 GROUND = (s.BOOT, s.STANDBY, s.READY)
 # Without these no mode may keep the surfaces for a single look.
@@ -44,7 +46,7 @@ VITAL = (
 )  # fmt: skip
 ON_LINE = {
     s.CAPTURING, s.SOARING, s.SEARCHING, s.HOLDING, s.RECOVERING, s.RELEASED, s.STANDBY, s.FAILED,
-    s.BREAKING_OFF,
+    s.BREAKING_OFF, s.BEATING,
 }  # fmt: skip
 ALLOWED = {
     s.BOOT: {s.BOOT, s.STANDBY, s.RELEASED},
@@ -66,6 +68,7 @@ ALLOWED = {
         s.BREAKING_OFF, s.CAPTURING, s.LANDING, s.RELEASED, s.STANDBY, s.FAILED
     },
     s.LANDING: {s.LANDING, s.CAPTURING, s.RELEASED, s.STANDBY, s.FAILED},
+    s.BEATING: {s.BEATING, s.CAPTURING, s.BREAKING_OFF, s.RELEASED, s.STANDBY, s.FAILED},
     s.RELEASED: {s.RELEASED, s.STANDBY, s.BOOT},
     s.FAILED: {s.FAILED},
 }  # fmt: skip
@@ -75,7 +78,7 @@ Small = NDArray[np.int8]
 class Walk(NamedTuple):
     """Everything that one mode can meet, and what the table makes of it; shape (n,) each.
 
-    Row k holds the k-th set of the conditions that the mode looks at: bit i of k is bits[i].
+    Row k holds a set of the conditions that the mode looks at: bit i of numbers[k] is bits[i].
     """
 
     bits: list[int]
@@ -86,7 +89,7 @@ class Walk(NamedTuple):
 
     def conditions(self, k: int) -> int:
         """Those of row k."""
-        return sum(bit for i, bit in enumerate(self.bits) if k >> i & 1)
+        return sum(bit for i, bit in enumerate(self.bits) if int(self.numbers[k]) >> i & 1)
 
     def has(self, bits: int) -> NDArray[np.bool_]:
         if bits & ~sum(self.bits):
@@ -113,9 +116,21 @@ def looked_at(mode: int) -> list[int]:
 
 @cache
 def walk(mode: int) -> Walk:
-    """Every set of the conditions that a mode looks at."""
+    """Every set of the conditions that a mode looks at.
+
+    In control no more than two of the vital ones fail at once: each of them ends the flight by a
+    row of its own, above all others.
+    """
     bits = looked_at(mode)
     numbers = np.arange(1 << len(bits), dtype=np.int32)
+    if mode in FLYING:
+        vital = [bit for bit in bits if bit & VITAL]
+        bits = [bit for bit in bits if not bit & VITAL] + vital
+        others = len(bits) - len(vital)
+        each = [1 << k for k in range(len(vital))]
+        failing = [sum(some) for n in range(3) for some in combinations(each, n)]
+        held = np.array([(1 << len(vital)) - 1 - some for some in failing], dtype=np.int32)
+        numbers = (held[:, None] << others | np.arange(1 << others, dtype=np.int32)).ravel()
     to = np.full(len(numbers), mode, dtype=np.int8)
     action, reason = np.zeros_like(to), np.zeros_like(to)
     everything = Walk(bits=bits, numbers=numbers, to=to, action=action, reason=reason)
@@ -129,7 +144,7 @@ def test_conditions_are_separate_bits_with_words() -> None:
     order = list(vars(s))
     names = [n for n in order[order.index("ENGAGE") : order.index("CONDITIONS")] if n != "FOUND"]
     assert [getattr(s, name) for name in names] == [1 << i for i in range(s.CONDITIONS)]
-    assert len(set(s.CONDITION_TEXTS)) == s.CONDITIONS
+    assert len(set(supervisor_texts.CONDITION_TEXTS)) == s.CONDITIONS
     assert s.FOUND + 1 == s.SAME_BOOT
 
 
@@ -300,6 +315,8 @@ def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
     leaves = everything.has(s.BREAK_OFF) & (mode != s.LAUNCHING)
     if mode in (s.HOLDING, s.RECOVERING, s.LAUNCHING):
         assert not np.any(out & ~leaves)
+    elif mode == s.BEATING:  # and away from the slope: downstream it is disengaged
+        assert np.all(everything.to[out] == s.BREAKING_OFF)
     else:
         assert np.all(everything.to[out & ~leaves] == s.HOLDING)
 
@@ -415,6 +432,7 @@ ON_LINE_ROWS = [
     BREAK_ROW,
     (s.SETTLED, s.POSITION_FRESH, s.HOLDING, s.HOLD, s.REASON_POSITION_GAP),
     (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
+    (s.BEAT | s.SETTLED, 0, s.BEATING, s.NOTHING, s.REASON_BEAT),
     (0, s.NEAR_LINE, s.RELEASED, s.HAND_OVER, s.REASON_OFF_LINE),
     (0, s.SETTLES, s.RELEASED, s.HAND_OVER, s.REASON_NOWHERE),
     (s.TROUBLED, s.AIR_SAFE, s.RECOVERING, s.GLIDE, s.REASON_STALL),
@@ -482,6 +500,17 @@ FLYING_ROWS = {
         (s.AWAY | s.SETTLED, 0, s.LANDING, s.NOTHING, s.REASON_AWAY),
     ],
     s.LANDING: [*HOME_ROWS, (s.ON_GROUND, 0, *RELEASES, s.REASON_LANDED)],
+    s.BEATING: [
+        BREAK_ROW,
+        (0, s.INSIDE_LEE, *RELEASES, s.REASON_FENCE),
+        (0, s.NOT_BLIND, *RELEASES, s.REASON_POSITION_LOST),
+        (0, s.INSIDE_FENCE, *GIVEN_UP, s.REASON_FENCE),
+        (s.TROUBLED, s.HIGH_ENOUGH, *GIVEN_UP, s.REASON_LOW),
+        (
+            s.BEAT_OVER | s.SETTLED | s.POSITION_FRESH,
+            *(s.BEAT, s.CAPTURING, s.NEW_LINE, s.REASON_STANDS),
+        ),
+    ],
 }
 
 
@@ -522,11 +551,11 @@ def test_every_row_is_taken_by_some_conditions(number: int) -> None:
 
 def test_every_reason_mode_and_action_has_its_own_words() -> None:
     reasons = {v: k for k, v in vars(s).items() if k.startswith("REASON_") and isinstance(v, int)}
-    assert sorted(reasons) == list(range(len(s.REASON_TEXTS)))
-    assert len(set(s.REASON_TEXTS)) == len(s.REASON_TEXTS)
+    assert sorted(reasons) == list(range(len(supervisor_texts.REASON_TEXTS)))
+    assert len(set(supervisor_texts.REASON_TEXTS)) == len(supervisor_texts.REASON_TEXTS)
     assert {row.reason for row in TRANSITIONS} == set(reasons) - {s.REASON_NONE}
     assert {row.action for row in TRANSITIONS} == set(range(len(s.ACTION_TEXTS)))
-    for mode, name in enumerate(s.MODE_NAMES):
+    for mode, name in enumerate(supervisor_texts.MODE_NAMES):
         assert getattr(s, name.upper().replace(" ", "_")) == mode
         assert is_flying(mode) == (mode in FLYING)
     assert {row.source for row in TRANSITIONS} | {row.to for row in TRANSITIONS} == set(MODES)
@@ -534,7 +563,7 @@ def test_every_reason_mode_and_action_has_its_own_words() -> None:
 
 ASKED = (
     s.SEARCH | s.PLACE_FOUND | s.LAUNCH | s.THROWN | s.LINE_REACHED | s.BREAK_OFF | s.SOAR_ON
-    | s.AWAY | s.ON_GROUND
+    | s.AWAY | s.ON_GROUND | s.BEAT | s.BEAT_OVER
 )  # fmt: skip
 WELL = s.FOUND & ~(s.LINE_MOVING | s.ON_LINE | ASKED)
 HEALTHY = WELL | s.SAME_BOOT | s.STAYS_ARMED | s.SETTLED
@@ -633,6 +662,21 @@ SOUGHT = s.SEARCH | s.PLACE_FOUND
         (s.LANDING, s.INSIDE_LEE, s.SOAR_ON, s.RELEASED, s.REASON_FENCE),
         (s.BREAKING_OFF, s.POSITION_FRESH | s.POSITION_KEPT, 0, s.BREAKING_OFF, s.REASON_NONE),
         (s.BREAKING_OFF, s.NOT_BLIND, s.AWAY, s.RELEASED, s.REASON_POSITION_LOST),
+        (s.SOARING, 0, s.BEAT, s.BEATING, s.REASON_BEAT),
+        (s.SOARING, s.SETTLES, s.BEAT, s.BEATING, s.REASON_BEAT),  # in the place of disengaging
+        (s.SOARING, s.INSIDE_FENCE, s.BEAT, s.RELEASED, s.REASON_FENCE),
+        (s.SOARING, 0, s.BEAT | s.BREAK_OFF, s.BREAKING_OFF, s.REASON_BREAK),
+        (s.BEATING, 0, 0, s.BEATING, s.REASON_NONE),
+        (s.BEATING, s.NEAR_LINE | s.SETTLES, 0, s.BEATING, s.REASON_NONE),  # it flies no line
+        (s.BEATING, 0, s.BREAK_OFF, s.BREAKING_OFF, s.REASON_BREAK),
+        (s.BEATING, 0, s.BEAT_OVER, s.CAPTURING, s.REASON_STANDS),
+        (s.BEATING, 0, s.BEAT_OVER | s.BEAT, s.BEATING, s.REASON_NONE),  # still asked for
+        (s.BEATING, s.INSIDE_FENCE, s.BEAT_OVER, s.BREAKING_OFF, s.REASON_FENCE),
+        (s.BEATING, s.HIGH_ENOUGH, 0, s.BEATING, s.REASON_NONE),
+        (s.BEATING, s.HIGH_ENOUGH, s.TROUBLED, s.BREAKING_OFF, s.REASON_LOW),
+        (s.BEATING, s.NOT_BLIND, 0, s.RELEASED, s.REASON_POSITION_LOST),
+        (s.BEATING, s.INSIDE_FENCE | s.INSIDE_LEE, 0, s.RELEASED, s.REASON_FENCE),
+        (s.BEATING, s.UPWIND, 0, s.RELEASED, s.REASON_DOWNWIND),
         (s.RELEASED, 0, 0, s.RELEASED, s.REASON_NONE),
         (s.RELEASED, s.ENGAGE, 0, s.STANDBY, s.REASON_WITHDRAWN),
         (s.FAILED, s.ENGAGE, 0, s.FAILED, s.REASON_NONE),

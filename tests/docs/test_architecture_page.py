@@ -9,7 +9,8 @@ from pathlib import Path
 
 from test_architecture import DOORS, FLIES, TABLE, permitted
 
-from tgl_soar.control.supervisor import MODE_NAMES, TRANSITIONS
+from tgl_soar.control.supervisor import TRANSITIONS
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.onboard import native, realtime, watchdog
 from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 

@@ -6,7 +6,8 @@ import re
 from pathlib import Path
 
 from tgl_soar.config.parameters import INDEX
-from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
+from tgl_soar.control.supervisor import ENTRY
+from tgl_soar.control.supervisor_texts import CONDITION_TEXTS, MODE_NAMES
 from tgl_soar.estimation.health import DISARMED, FAULT_TEXTS
 from tgl_soar.onboard.process import EXIT_CANNOT_START, EXIT_LINK_NOT_READY
 from tgl_soar.onboard.telemetry_values import FAST, HELD_BACK, SLOW

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.control import supervisor
+from tgl_soar.control import supervisor, supervisor_texts
 from tgl_soar.link.messages import Heartbeat
 from tgl_soar.link.presence import _ENGAGED, ALONE_S, STATES, Presence
 
@@ -19,8 +19,8 @@ def beat_in(mode: int, start: int = 7) -> tuple[int, int]:
 
 
 def test_every_mode_of_the_supervisor_has_its_state() -> None:
-    assert len(STATES) == len(supervisor.MODE_NAMES)
-    state = {name: beat_in(mode)[1] for mode, name in enumerate(supervisor.MODE_NAMES)}
+    assert len(STATES) == len(supervisor_texts.MODE_NAMES)
+    state = {name: beat_in(mode)[1] for mode, name in enumerate(supervisor_texts.MODE_NAMES)}
     assert state["boot"] == mavlink.MAV_STATE_BOOT
     assert state["standby"] == state["ready"] == mavlink.MAV_STATE_STANDBY
     assert state["capturing"] == state["soaring"] == mavlink.MAV_STATE_ACTIVE

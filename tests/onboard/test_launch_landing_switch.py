@@ -38,7 +38,8 @@ class Settings:
     """Parameters, and what was assigned."""
 
     def __init__(self, **values: float) -> None:
-        self.values = {"LNC_START": 0.0, "ESC_START": 0.0, "LND_BY": 0.0, **values}
+        self.values = {"LNC_START": 0.0, "ESC_START": 0.0, "BEAT_START": 0.0, "LND_BY": 0.0}
+        self.values |= values
 
     def assign(self, name: str, value: float) -> None:
         self.values[name] = value

@@ -32,7 +32,7 @@ from tgl_soar.config.site import Site, Tether
 from tgl_soar.control.envelope import EnvelopeLimits, limit_surfaces
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.point_hold import ABOVE_BAND, HOLDS
-from tgl_soar.control.supervisor import MODE_NAMES
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
 from tgl_soar.sim.compiled import available, compiled
 from tgl_soar.sim.compiled_air import UnknownFieldError, air_inside, air_wind, as_air

@@ -30,7 +30,8 @@ from tgl_soar.config.files import ConfigError, load_site
 from tgl_soar.config.line_changes import LINE
 from tgl_soar.config.parameters import INDEX, ParameterError, checked_value
 from tgl_soar.config.site import Site
-from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES, is_flying
+from tgl_soar.control.supervisor import ENTRY, is_flying
+from tgl_soar.control.supervisor_texts import CONDITION_TEXTS, MODE_NAMES
 from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.telemetry_values import FAST, HELD_BACK, SLOW
 

@@ -8,13 +8,8 @@ import typer
 
 from tgl_soar.control import supervisor
 from tgl_soar.control.envelope import CUT_TEXTS
-from tgl_soar.control.supervisor import (
-    ACTION_TEXTS,
-    CONDITION_TEXTS,
-    MODE_NAMES,
-    REASON_TEXTS,
-    TRANSITIONS,
-)
+from tgl_soar.control.supervisor import ACTION_TEXTS, TRANSITIONS
+from tgl_soar.control.supervisor_texts import CONDITION_TEXTS, MODE_NAMES, REASON_TEXTS
 from tgl_soar.estimation.health import FAULT_TEXTS
 
 MAKE: Final = "tgl-soar modes > docs/modes.md"

@@ -94,6 +94,10 @@ GROUPS: Final[tuple[Group, ...]] = (
         "From the hand to the line.",
     ),
     Group(
+        "Beating along the ridge", ("BEAT",),
+        "To and fro in the lift, where the wind is too slow or too oblique to stand in.",
+    ),
+    Group(
         "Breaking off and landing", ("ESC", "LND"),
         "The way home without a propeller, and the height that it needs.",
     ),

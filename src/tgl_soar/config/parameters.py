@@ -834,6 +834,22 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="ESC_X", unit="m", minimum=-500, maximum=500, default=0,
         meaning="Upstream of this the slope is left behind, and breaking off becomes landing.",
     ),
+    # --- beating -----------------------------------------------------------------------------
+    Parameter(
+        name="BEAT_START", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: beat along the ridge, to and fro in the line's plane; 0: back to the line, with"
+                " BEAT_AUTO 1 once the wind is one to stand in. 1 is refused unless in control.",
+        integer=True, in_files=False,
+    ),
+    Parameter(
+        name="BEAT_AUTO", unit="", minimum=0, maximum=1, default=0,
+        meaning="1: beat where the wind is too slow to stand in, or beyond VEER_MAX; 0: never.",
+        integer=True,
+    ),
+    Parameter(
+        name="BEAT_WIDTH", unit="m", minimum=0, maximum=500, default=40.0,
+        meaning="How far to either side it turns; at most 0.8 of FENCE_Y_MAX. 0: it never beats.",
+    ),
     Parameter(
         name="LND_X", unit="m", minimum=-500, maximum=500, default=0,
         meaning="Downstream position of the point where to touch down.",

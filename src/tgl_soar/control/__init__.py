@@ -10,13 +10,15 @@ Laws
   envelope             the last limiter
 
 Deciding
-  supervisor           modes and reasons, one table;  conditions: what holds, as bits
+  supervisor           modes and reasons, one table;  supervisor_texts: their words;  conditions:
+                       what holds, as bits
   estimates            what a tick knows;  envelope_margins: how far to stall, ground and fence
   forecast             where the aircraft will stop
 
 Other ways to fly
   launch_landing       launch, way home and landing in a tick: launch, landing, weaving,
-                       airspeed_error, wind_triangle;  glide_home: the height and time left for it
+                       airspeed_hold, airspeed_error, wind_triangle;  glide_home: the height and
+                       time left for it;  ridge_beat: to and fro along the ridge
   point                the point on the line in a tick: point_hold, brake_watch, brake_shake
   power                a propeller in a tick: throttle
   search/, survey      looking for lift;  drawing the contour

@@ -79,11 +79,7 @@ from __future__ import annotations
 from math import asin, atan2, cos, log, pi, radians, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.control.airspeed_error import (
-    airspeed_error_step,
-    airspeed_sigma,
-    corrected_air,
-)
+from tgl_soar.control.airspeed_error import airspeed_error_step, airspeed_sigma, corrected_air
 from tgl_soar.control.airspeed_hold import (
     GlidePitches,
     GlideSetpoints,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.control import landing, launch
+from tgl_soar.control import landing, launch, ridge_beat
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.airspeed_hold import (
     NO_GLIDE,
@@ -30,12 +30,7 @@ from tgl_soar.control.glide_home import (
     time_left,
 )
 from tgl_soar.control.heading import heading_setpoint, sideways_held
-from tgl_soar.control.landing import (
-    glide_setpoints,
-    glide_step,
-    slowest_known,
-    steeper_bank,
-)
+from tgl_soar.control.landing import glide_setpoints, glide_step, slowest_known, steeper_bank
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (
     NO_LAUNCH,
@@ -47,6 +42,16 @@ from tgl_soar.control.launch import (
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidState, PidTerms, pid_step
+from tgl_soar.control.ridge_beat import (
+    NO_BEAT,
+    BeatState,
+    beat_bank,
+    beat_setpoints,
+    beat_step,
+    beat_watch,
+    is_back,
+    is_wanted_back,
+)
 from tgl_soar.control.soaring import SoaringState, gliding_step
 from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
@@ -79,6 +84,7 @@ class LaunchLandingState(NamedTuple):
     escape: EscapeState
     glide: GlideState
     lull: Lull
+    beat: BeatState
 
 
 class LaunchLandingReport(NamedTuple):
@@ -91,7 +97,7 @@ class LaunchLandingReport(NamedTuple):
 
 NO_LULL: Final = Lull(0.0, 0.0)
 NO_LAUNCH_LANDING: Final = LaunchLandingState(
-    launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE, lull=NO_LULL
+    launch=NO_LAUNCH, escape=NO_ESCAPE, glide=NO_GLIDE, lull=NO_LULL, beat=NO_BEAT
 )
 
 
@@ -131,24 +137,28 @@ def phase_step(
     view = EscapeView(
         flying=in_air,
         goes_home=goes_home,
-        soars=mode == modes.SOARING and not line.moving,
+        soars=(mode == modes.SOARING and not line.moving) or mode == modes.BEATING,
         place_known=sure,
     )
     escape = escape_step(laws.landing, state.escape, view, vehicle, air, dt_s)
-    glide = state.glide if goes_home else NO_GLIDE
+    glide = state.glide if goes_home or mode == modes.BEATING else NO_GLIDE
     lull = _lull_step(laws, state.lull, mode, estimates, dt_s)
-    return LaunchLandingState(launch=began, escape=escape, glide=glide, lull=lull)
+    beat = beat_watch(laws.beat, laws.landing, state.beat, air, dt_s) if in_air else NO_BEAT
+    return LaunchLandingState(launch=began, escape=escape, glide=glide, lull=lull, beat=beat)
 
 
 def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: float) -> Lull:
     """One tick more of it; the wind is that of both axes, where both are known."""
-    if mode not in (modes.CAPTURING, modes.SOARING, modes.SEARCHING):
+    on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
+    if not on_line and mode != modes.BEATING:
         return NO_LULL
     home, air = laws.landing, estimates.air
     slow = wind_speed(air) + air.wind_sigma_mps < home.polar.speed_min_mps  # false for NaN
+    slow = slow and on_line
     sinks_m = SINKS_S * min(0.0, estimates.vehicle.climb_mps)
     low = estimates.margins.clearance_m + sinks_m < home.clearance_m
-    low = low and mode == modes.SOARING and not laws.surveys  # which turns there by itself
+    # A survey turns there by itself.
+    low = low and mode in (modes.SOARING, modes.BEATING) and not laws.surveys
     return Lull(
         slow_s=max(0.0, min(2.0 * SLOW_S, before.slow_s + (dt_s if slow else -dt_s))),
         low_s=max(0.0, min(2.0 * LOW_S, before.low_s + (dt_s if low else -dt_s))),
@@ -201,6 +211,10 @@ def phase_conditions(laws: Laws, mode: int, state: LaunchLandingState, estimates
         found |= modes.ON_GROUND
     if not estimates.margins.outside & OUT_DOWNSTREAM:
         found |= modes.INSIDE_LEE
+    if is_back(vehicle, estimates.air) and is_wanted_back(laws.beat, state.beat):
+        found |= modes.BEAT_OVER
+    if laws.beat.asked and can_beat(laws, estimates):
+        found |= modes.BEAT
     # As POSITION_KEPT, and then for as long as recovering may last.
     blind_s = vehicle.time_s - estimates.memory.confident_s
     blind_max_s = laws.guards.position_age_max_s + laws.guards.recover_s
@@ -226,17 +240,27 @@ def with_way_home(
     SLOW_S; and so is recovering that has lasted for half of its time.
     """
     home, mode = laws.landing, supervisor.mode
-    if not (home.auto and home.asked == landing.STAY and state.escape.armed):
-        return found
-    if not (knows_place(laws, estimates) and state.escape.left_m >= 0.0):  # false for NaN
-        return found
     flown = modes.SETTLES | modes.NEAR_LINE
     on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
     given_up = on_line and found & flown != flown
     low, slow = state.lull.low_s >= LOW_S, state.lull.slow_s >= SLOW_S
+    cannot_stand = slow or (on_line and state.beat.oblique_s >= ridge_beat.VEER_S)
+    if laws.beat.auto and cannot_stand and not low and can_beat(laws, estimates):
+        return found | modes.BEAT
+    if not (home.auto and home.asked == landing.STAY and state.escape.armed):
+        return found
+    if not (knows_place(laws, estimates) and state.escape.left_m >= 0.0):  # false for NaN
+        return found
     recovering_s = estimates.vehicle.time_s - supervisor.since_s
     falls = mode == modes.RECOVERING and recovering_s >= 0.5 * laws.guards.recover_s
     return found | modes.BREAK_OFF if given_up or low or slow or falls else found
+
+
+def can_beat(laws: Laws, estimates: Estimates) -> bool:
+    """Whether there is room to beat along the ridge: to either side, and over the ground."""
+    clearance_m = estimates.margins.clearance_m
+    high = clearance_m >= 2.0 * max(laws.envelope.clearance_min_m, laws.landing.clearance_m)
+    return high and laws.beat.half_width_m > 0.0 and knows_place(laws, estimates)
 
 
 def knows_place(laws: Laws, estimates: Estimates) -> bool:
@@ -282,7 +306,7 @@ def is_in_hand(state: LaunchLandingState) -> bool:
 
 def flies_no_line(mode: int, state: LaunchLandingState) -> bool:
     """Whether a mode in control flies by attitude or speed alone."""
-    return modes.goes_home(mode) or (
+    return modes.flies_without_line(mode) or (
         mode == modes.LAUNCHING
         and state.launch.standing != launch.GLIDING
         and state.launch.standing != launch.REACHED
@@ -309,7 +333,10 @@ def phase_guide(
         age_s = estimates.memory.gain_age_s
         bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
         gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
-        if setpoints.steeper > 0.0:
+        if mode == modes.BEATING:
+            bank = beat_bank(gains.output_max, laws.landing.tilt_max_rad)
+            gains = gains._replace(output_min=-bank, output_max=bank)
+        elif setpoints.steeper > 0.0:
             bank = steeper_bank(laws.landing, gains.output_max, setpoints.steeper)
             gains = gains._replace(output_min=-bank, output_max=bank)
         error = setpoints.sideways_mps - estimates.vehicle.velocity_y_mps
@@ -335,12 +362,17 @@ def _glide_setpoints(
         if air.airspeed_mps < laws.landing.best_glide_mps:  # false for NaN
             pitch = min(pitch, laws.envelope.glide_pitch_rad)
         return state, GlideSetpoints(pitch, upwind, NAN, 0.0)
-    home = laws.landing
-    outward, sure = mode == modes.BREAKING_OFF, knows_place(laws, estimates)
-    clearance_m = estimates.margins.clearance_m
-    glide, speed = glide_step(
-        home, state.glide, outward, sure, vehicle, air, clearance_m, nose_held, dt_s
-    )
+    home, sure = laws.landing, knows_place(laws, estimates)
+    outward, clearance_m = mode == modes.BREAKING_OFF, estimates.margins.clearance_m
+    if mode == modes.BEATING:
+        back = is_wanted_back(laws.beat, state.beat)
+        glide, speed = beat_step(
+            laws.beat, home, laws.target, state.glide, back, sure, vehicle, air, nose_held, dt_s
+        )
+    else:
+        glide, speed = glide_step(
+            home, state.glide, outward, sure, vehicle, air, clearance_m, nose_held, dt_s
+        )
     polar, aerodynamics = home.polar, laws.wind.aerodynamics
     trimmed = max(polar.speed_min_mps, min(polar.speed_max_mps, speed))
     pitches = GlidePitches(
@@ -348,7 +380,10 @@ def _glide_setpoints(
         slowest_rad=glide_pitch(aerodynamics, slowest_known(home, air.measured)),
         fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
     )
-    setpoints = glide_setpoints(home, glide, outward, sure, pitches, vehicle, air, clearance_m)
+    if mode == modes.BEATING:
+        setpoints = beat_setpoints(home, glide, sure, pitches, air)
+    else:
+        setpoints = glide_setpoints(home, glide, outward, sure, pitches, vehicle, air, clearance_m)
     if not sure:
         setpoints = setpoints._replace(sideways_mps=NAN)
     return state._replace(glide=glide), setpoints

@@ -14,17 +14,13 @@ from tgl_soar.control.envelope import EnvelopeLimits, Fence
 from tgl_soar.control.excitation import Excitation
 from tgl_soar.control.forecast import ForecastParams
 from tgl_soar.control.heading import BankGains, HeadingGains
-from tgl_soar.control.landing import (
-    BEARING_MAX_RAD,
-    SLOW_BY_MPS,
-    LandingParams,
-    LandingPlace,
-)
+from tgl_soar.control.landing import BEARING_MAX_RAD, SLOW_BY_MPS, LandingParams, LandingPlace
 from tgl_soar.control.lateral_schedule import LateralSchedule, lateral_schedule_of
 from tgl_soar.control.launch import LaunchParams
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.pitch_schedule import HOLD_S, Dynamics, GainSchedule, schedule_of
 from tgl_soar.control.point_hold import BrakeGains
+from tgl_soar.control.ridge_beat import BeatParams
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.control.throttle import ThrottleParams
@@ -35,15 +31,9 @@ from tgl_soar.estimation.health import HealthLimits
 from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
 from tgl_soar.geometry import SoaringFrame, wrap_angle
-from tgl_soar.types import (
-    NO_AERODYNAMICS,
-    NO_GROUND,
-    OURS,
-    Aerodynamics,
-    Ground,
-    SurfaceCommand,
-)
+from tgl_soar.types import NO_AERODYNAMICS, NO_GROUND, OURS, Aerodynamics, Ground, SurfaceCommand
 
+BEAT_OF_FENCE: Final = 0.8  # a turn begins there, and ends a little farther out
 # How the search for lift stands: SRCH_START.
 SEARCH_OFF: Final = 0
 SEARCH_LOOKS: Final = 1
@@ -103,6 +93,7 @@ class Laws(NamedTuple):
     survey_reach_m: float  # to either side of where it began
     launch: LaunchParams
     landing: LandingParams
+    beat: BeatParams
     throttle: ThrottleParams
 
 
@@ -179,6 +170,7 @@ def laws_from(
         survey_reach_m=values["SRV_REACH"],
         launch=_launch_params(values),
         landing=_landing_params(values, frame, aerodynamics),
+        beat=_beat_params(values),
         throttle=_throttle_params(values, aerodynamics, loops),
     )
 
@@ -234,6 +226,16 @@ def _landing_params(
         glide_pitch_rad=radians(values["REC_PITCH"]),
         side_max_m=values["FENCE_Y_MAX"],
         tilt_max_rad=radians(values["TILT_MAX"]),
+    )
+
+
+def _beat_params(values: ParameterSet) -> BeatParams:
+    return BeatParams(
+        asked=values["BEAT_START"] != 0.0,
+        auto=values["BEAT_AUTO"] != 0.0,
+        half_width_m=min(values["BEAT_WIDTH"], BEAT_OF_FENCE * values["FENCE_Y_MAX"]),
+        top_z_m=values["FENCE_Z_MAX"],
+        veer_max_rad=radians(values["VEER_MAX"]),
     )
 
 

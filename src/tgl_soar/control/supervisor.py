@@ -14,6 +14,7 @@
     launching   in control from the hand on: waits for the throw, gains speed, glides to the line
     breaking off  out into the wind, away from the slope: height for the landing is all that counts
     landing     a straight glide to the landing place, and the flare (`control.landing`)
+    beating     to and fro along the ridge, where it cannot stand (`control.ridge_beat`)
 
 A row reads: from this mode, when all of these hold and none of those, go there, do that, and
 say why.  Rows are tried in order and the first that fits is taken; none fits: stay.  Conditions
@@ -24,7 +25,8 @@ where the position is lost the estimate is still the best that is known of the p
 without a confident position lasts: holding ends by its own timer, recovering by its own, and
 before that where a glide in still air may have come down to the least clearance meanwhile.  Two
 modes leave the fence upstream and come down on purpose, breaking off and landing: they end at its
-downstream side, and where the position stays lost for as long as recovering may last.
+downstream side, and where the position stays lost for as long as recovering may last.  Beating ends
+so, too, and becomes breaking off at the other sides and where it is too low.
 
 What must last counts in explicit timers of the state, so that noise cannot make it chatter:
 capturing, soaring and searching are left for each other or for holding only after MINIMUM_S (for
@@ -52,21 +54,7 @@ SEARCHING: Final = 9
 LAUNCHING: Final = 10
 BREAKING_OFF: Final = 11
 LANDING: Final = 12
-MODE_NAMES: Final = (
-    "boot",
-    "standby",
-    "ready",
-    "capturing",
-    "soaring",
-    "holding",
-    "recovering",
-    "released",
-    "failed",
-    "searching",
-    "launching",
-    "breaking off",
-    "landing",
-)
+BEATING: Final = 13
 
 INFINITE: Final = float("inf")
 MINIMUM_S: Final = 0.2
@@ -117,68 +105,19 @@ AWAY: Final = 1 << 37
 ON_GROUND: Final = 1 << 38
 INSIDE_LEE: Final = 1 << 39
 NOT_BLIND: Final = 1 << 40
-FOUND: Final = (1 << 41) - 1
+BEAT: Final = 1 << 41
+BEAT_OVER: Final = 1 << 42
+FOUND: Final = (1 << 43) - 1
 # Conditions that the supervisor finds itself, by what it remembers.
-SAME_BOOT: Final = 1 << 41
-STAYS_ARMED: Final = 1 << 42
-STILL_READY: Final = 1 << 43
-SETTLED: Final = 1 << 44
-LONG_GAP: Final = 1 << 45
-TIME_UP: Final = 1 << 46
-TROUBLED: Final = 1 << 47
-CLEARED: Final = 1 << 48
-CONDITIONS: Final = 49
-CONDITION_TEXTS: Final = (
-    "operator has engaged it",
-    "every stream has arrived",
-    "position fresh",
-    "position not lost for long",
-    "position sane",
-    "attitude fresh",
-    "attitude sources agree",
-    "heartbeat fresh",
-    "autopilot in no failsafe",
-    "autopilot obeys surfaces",
-    "surfaces answer",
-    "airspeed sane, or none",
-    "upright",
-    "nose upwind",
-    "inside the fence",
-    "line valid",
-    "line moves",
-    "near the line",
-    "on the line",
-    "airspeed and angle of attack safe",
-    "high enough",
-    "both with a margin",
-    "command finite",
-    "state sane",
-    "settles, by forecast or search",
-    "a search is asked for",
-    "the search has found a place",
-    "a launch is asked for",
-    "thrown",
-    "the launch has reached its line",
-    "a throw may still come",
-    "thrown level enough",
-    "speed gained in time",
-    "high enough after the throw",
-    "the line can be reached",
-    "to break off",
-    "operator wants to soar on",
-    "away from the slope, or low",
-    "on the ground",
-    "inside the fence downstream",
-    "position not lost for too long on the way home",
-    "autopilot not restarted",
-    "not disarmed since",
-    "was ready a moment ago",
-    "mode has settled",
-    "gap was long",
-    "time is up",
-    "trouble lasts",
-    "trouble is over",
-)
+SAME_BOOT: Final = 1 << 43
+STAYS_ARMED: Final = 1 << 44
+STILL_READY: Final = 1 << 45
+SETTLED: Final = 1 << 46
+LONG_GAP: Final = 1 << 47
+TIME_UP: Final = 1 << 48
+TROUBLED: Final = 1 << 49
+CLEARED: Final = 1 << 50
+CONDITIONS: Final = 51
 ENTRY: Final = (
     AUTOPILOT_ALIVE
     | ATTITUDE_FRESH
@@ -267,57 +206,8 @@ REASON_BREAK: Final = 45
 REASON_AWAY: Final = 46
 REASON_LANDED: Final = 47
 REASON_SOAR_ON: Final = 48
-REASON_TEXTS: Final = (
-    "",
-    "engaged",
-    "operator disengaged",
-    "on the line",
-    "line moves",
-    "position gap, holding pitch",
-    "position is back",
-    "position lost",
-    "attitude lost",
-    "autopilot silent",
-    "autopilot not in the mode that obeys",
-    "roll or pitch beyond TILT_MAX",
-    "e_rho beyond CAPTURE_MAX",
-    "command not finite",
-    "engagement withdrawn",
-    "position, attitude and autopilot are there",
-    "can be engaged",
-    "position is not to be trusted",
-    "attitude disagrees with the accelerometers",
-    "autopilot in failsafe",
-    "autopilot has restarted",
-    "autopilot was disarmed",
-    "surfaces do not answer",
-    "airspeed is not to be trusted",
-    "nose does not point upwind",
-    "outside the fence",
-    "target line not valid or outside the fence",
-    "too slow or stalling",
-    "too low",
-    "recovered",
-    "not recovered in time",
-    "impossible state",
-    "no place to settle on this line",
-    "searches for a place to soar",
-    "a place to soar is found",
-    "the search is over",
-    "no place to soar is found",
-    "waits for the throw",
-    "launched, the line is reached",
-    "launch called off",
-    "no throw in time",
-    "launch given up: thrown too steeply",
-    "launch given up: no speed gained",
-    "launch given up: too low",
-    "launch given up: line not reachable",
-    "breaks off",
-    "away from the slope",
-    "on the ground",
-    "operator soars on",
-)
+REASON_BEAT: Final = 49
+REASON_STANDS: Final = 50
 
 
 class Transition(NamedTuple):
@@ -390,6 +280,7 @@ def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, 
         _breaks_off(mode),
         Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
         Transition(mode, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
+        Transition(mode, BEAT | SETTLED, 0, BEATING, NOTHING, REASON_BEAT),
         Transition(mode, 0, NEAR_LINE, RELEASED, HAND_OVER, REASON_OFF_LINE),
         Transition(mode, 0, SETTLES, RELEASED, HAND_OVER, nowhere),
         Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
@@ -475,6 +366,15 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(BREAKING_OFF, AWAY | SETTLED, 0, LANDING, NOTHING, REASON_AWAY),
     *_on_the_way_home(LANDING),
     Transition(LANDING, ON_GROUND, 0, RELEASED, HAND_OVER, REASON_LANDED),
+    *_faults(BEATING),
+    _breaks_off(BEATING),
+    Transition(BEATING, 0, INSIDE_LEE, RELEASED, HAND_OVER, REASON_FENCE),
+    Transition(BEATING, 0, NOT_BLIND, RELEASED, HAND_OVER, REASON_POSITION_LOST),
+    Transition(BEATING, 0, INSIDE_FENCE, BREAKING_OFF, NOTHING, REASON_FENCE),
+    Transition(BEATING, TROUBLED, HIGH_ENOUGH, BREAKING_OFF, NOTHING, REASON_LOW),
+    Transition(
+        BEATING, BEAT_OVER | SETTLED | POSITION_FRESH, BEAT, CAPTURING, NEW_LINE, REASON_STANDS
+    ),
 )
 
 
@@ -588,9 +488,14 @@ def next_mode(mode: int, conditions: int) -> Decision:
 
 def is_flying(mode: int) -> bool:
     """Whether the module is in control in this mode."""
-    return CAPTURING <= mode <= RECOVERING or SEARCHING <= mode <= LANDING
+    return CAPTURING <= mode <= RECOVERING or SEARCHING <= mode <= BEATING
 
 
 def goes_home(mode: int) -> bool:
     """Whether the module is on its way to the landing place."""
     return mode in (BREAKING_OFF, LANDING)
+
+
+def flies_without_line(mode: int) -> bool:
+    """Whether speed and heading are held in this mode, and no line."""
+    return goes_home(mode) or mode == BEATING

@@ -53,12 +53,13 @@ STATES: Final = (
     STATE_ACTIVE,  # launching
     STATE_CRITICAL,  # breaking off
     STATE_CRITICAL,  # landing
+    STATE_ACTIVE,  # beating
 )
 
 
 _ENGAGED: Final = frozenset(
-    (3, 4, 5, 6, 9, 10, 11, 12)
-)  # capturing to recovering; searching to landing
+    (3, 4, 5, 6, 9, 10, 11, 12, 13)
+)  # capturing to recovering; searching to beating
 
 
 class Presence:

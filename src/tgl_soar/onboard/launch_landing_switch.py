@@ -13,7 +13,7 @@ from typing import Final
 from tgl_soar.autopilot import Output
 from tgl_soar.control.landing import BREAK, SOAR_ON, STAY
 from tgl_soar.control.launch import is_in_no_hand
-from tgl_soar.control.supervisor import LAUNCHING, goes_home, is_flying
+from tgl_soar.control.supervisor import BEATING, LAUNCHING, goes_home, is_flying
 from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
@@ -47,6 +47,16 @@ class LaunchLandingSwitch:
             return "it is not in control: nothing to break off"
         if name == "ESC_START" and value == SOAR_ON and not goes_home(self._mode):
             return "it does not break off: 2 is for soaring on from there"
+        if name == "BEAT_START" and value == 1.0:
+            return self._no_beat(active)
+        return ""
+
+    def _no_beat(self, active: bool) -> str:
+        """Why it cannot beat along the ridge; "" if it can."""
+        if not active or goes_home(self._mode) or self._mode == LAUNCHING:
+            return "it flies no line: nothing to leave for the ridge"
+        if self._settings.values["BEAT_WIDTH"] <= 0.0:
+            return "BEAT_WIDTH is 0: there is no room to beat"
         return ""
 
     def tick(self, output: Output) -> None:
@@ -57,6 +67,8 @@ class LaunchLandingSwitch:
         ended = not output.active and is_flying(before)
         if ended or (output.mode != before and before == LAUNCHING):
             self._put_back("LNC_START")
+        if ended or (goes_home(output.mode) and before == BEATING):
+            self._put_back("BEAT_START")
         self._end_wait(output)
         self._end_break(output)
         if not output.active:

@@ -44,7 +44,7 @@ class Switches:
 
     def refusal(self, name: str, value: float) -> str:
         """Why a value may not be set; "" if it may."""
-        if name in ("LNC_START", "ESC_START"):
+        if name in ("LNC_START", "ESC_START", "BEAT_START"):
             return self._launch_landing.refusal(name, value, active=self._active)
         if name == "LND_BY":
             return self._firmware.refusal(value)

@@ -34,7 +34,8 @@ from tgl_soar.analysis.survey.contour_fit import DrawnContour
 from tgl_soar.analysis.survey.survey_flight import SurveyFlight
 from tgl_soar.analysis.tuning.demands import SETS
 from tgl_soar.control.point_hold import HOLDS
-from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, MODE_NAMES, SOARING
+from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, SOARING
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.sim.closed_loop import Trajectory
 from tgl_soar.sim.flight import Row
 

@@ -26,11 +26,11 @@ LEFT_OUT: Final = ("command_delay", "leans")
 FEW: Final = ("back", "incidence", "latency", "lean", "places", "point", "speed", "wind")
 NAMES: Final = tuple(name for name in (*PLANNED, "margins") if name not in LEFT_OUT)
 # These fly or compute for long to draw.
-NOT_DRAWN: Final = ("hour", "identification", "places", "point", "search")
+NOT_DRAWN: Final = ("beating", "hour", "identification", "places", "point", "search")
 # Whose flights say all by themselves: no path is scored against an aircraft that is drawn.
 TOLD: Final = (
-    *("hour", "identification", "nowhere", "outdoors", "rangefinder", "satellites", "search"),
-    *("survey", "throttle", "unseen", "wind_estimate", "wind_use"),
+    *("beating", "hour", "identification", "nowhere", "outdoors", "rangefinder", "satellites"),
+    *("search", "survey", "throttle", "unseen", "wind_estimate", "wind_use"),
 )
 LOST: Final = (*TOLD, "airframes", "dispersed", "point", "static", "translate")
 

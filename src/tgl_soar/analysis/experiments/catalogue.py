@@ -24,7 +24,7 @@ from tgl_soar.analysis.experiments.loop import (
     leans,
     margin_tables,
 )
-from tgl_soar.analysis.experiments.outdoors import hour, outdoors, rangefinder, satellites
+from tgl_soar.analysis.experiments.outdoors import beating, hour, outdoors, rangefinder, satellites
 from tgl_soar.analysis.experiments.paper import (
     air_speed,
     changing_air,
@@ -73,6 +73,7 @@ EXPERIMENTS: Final[dict[str, Callable[[Context], Result]]] = {
     "satellites": satellites.run,
     "rangefinder": rangefinder.run,
     "hour": hour.run,
+    "beating": beating.run,
 }
 
 # Our own aims; the others are the paper's claims and fly on either model.  These are about what
@@ -101,12 +102,14 @@ RIGID_BODY_ALONE: Final = (
     "satellites",
     "rangefinder",
     "hour",
+    "beating",
 )
 OURS: Final = frozenset(RIGID_BODY_ALONE)
 # `all` leaves them out: they have pages of their own; the first takes longer than all others, the
 # others fly other airframes, or other satellites.
 APART: Final = (
     *("search", "throttle", "survey", "nowhere", "point", "outdoors", "satellites", "hour"),
+    "beating",
     *("rangefinder", "unseen", "dispersed", "leans", "airframes", "margins", "latency"),
 )
 # By the name under which they are flown together: both pages, and either of them.
@@ -164,6 +167,7 @@ TITLES: Final = {
     "satellites": "a receiver that drifts, steps and falls silent; an estimator that is reset",
     "rangefinder": "a position that drifts, with and without a rangefinder",
     "hour": "up to an hour in a wind that turns, dies and comes again",
+    "beating": "along the ridge, where the wind is too slow or too oblique to stand in",
 }
 
 

@@ -27,6 +27,7 @@ OWN_PAGES: Final = {
     "satellites": "outdoors.md",
     "rangefinder": "outdoors.md",
     "hour": "outdoors.md",
+    "beating": "outdoors.md",
     "unseen": "margins.md",
     "dispersed": "margins.md",
     "leans": "margins.md",

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgl_soar.config.airframe import Surface, Surfaces
-from tgl_soar.control.supervisor import MODE_NAMES
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
 
 Floats = NDArray[np.float64]

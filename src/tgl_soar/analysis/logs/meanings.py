@@ -14,7 +14,7 @@ from functools import cache
 from typing import Final, get_type_hints
 
 from tgl_soar.autopilot import AutopilotState, Output
-from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
+from tgl_soar.control.supervisor_texts import MODE_NAMES, REASON_TEXTS
 from tgl_soar.onboard.flightlog import allowance
 from tgl_soar.onboard.flightlog.topics import (
     MEANINGS,

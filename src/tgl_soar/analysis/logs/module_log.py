@@ -23,7 +23,7 @@ from tgl_soar.analysis.logs.flight_data import (
 from tgl_soar.analysis.logs.ulog import Topics
 from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError
 from tgl_soar.control.excitation import RUNNING
-from tgl_soar.control.supervisor import MODE_NAMES, REASON_TEXTS
+from tgl_soar.control.supervisor_texts import MODE_NAMES, REASON_TEXTS
 
 Floats = NDArray[np.float64]
 

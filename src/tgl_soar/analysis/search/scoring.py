@@ -9,7 +9,8 @@ import numpy as np
 
 from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.search.episode import Episode
-from tgl_soar.control.supervisor import REASON_NOT_FOUND, REASON_TEXTS
+from tgl_soar.control.supervisor import REASON_NOT_FOUND
+from tgl_soar.control.supervisor_texts import REASON_TEXTS
 
 END_FRACTION = 0.25  # of the flight planned, over which the last climb is averaged
 END_S = 5.0  # so long it neither climbs nor sinks where it has settled

@@ -13,7 +13,8 @@ from tgl_soar.analysis.logs.flight_data import FlightData, Series, on_line, plac
 from tgl_soar.cli.page.measured_air import AirSample, MeasuredAir
 from tgl_soar.cli.page.station import ROW, number
 from tgl_soar.config.site import Site
-from tgl_soar.control.supervisor import MODE_NAMES, is_flying
+from tgl_soar.control.supervisor import is_flying
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.onboard.telemetry_values import ARRAY_S
 
 ROWS_PER_S: Final = 10.0

@@ -22,7 +22,8 @@ from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet, as_wire_
 from tgl_soar.config.site import Site
 from tgl_soar.control.forecast import FORECAST_TEXTS
 from tgl_soar.control.point_hold import POINT_TEXTS
-from tgl_soar.control.supervisor import CONDITION_TEXTS, ENTRY, MODE_NAMES
+from tgl_soar.control.supervisor import ENTRY
+from tgl_soar.control.supervisor_texts import CONDITION_TEXTS, MODE_NAMES
 from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.setup import bounds_from

@@ -36,13 +36,8 @@ from tgl_soar.config.site import Start
 from tgl_soar.control.envelope import Fence, clearance
 from tgl_soar.control.forecast import DISENGAGE, SEARCH_FIRST, SETTLES, WINDOW_S
 from tgl_soar.control.laws import SEARCH_LOOKS
-from tgl_soar.control.supervisor import (
-    CAPTURING,
-    REASON_NOT_FOUND,
-    REASON_NOWHERE,
-    REASON_TEXTS,
-    SOARING,
-)
+from tgl_soar.control.supervisor import CAPTURING, REASON_NOT_FOUND, REASON_NOWHERE, SOARING
+from tgl_soar.control.supervisor_texts import REASON_TEXTS
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.flight import CRASHED, HELD_S, Row
 from tgl_soar.types import GlidePolar

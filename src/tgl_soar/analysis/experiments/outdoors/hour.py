@@ -58,7 +58,8 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import HillAir, Site, Start
 from tgl_soar.control.laws import fence_of
-from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, MODE_NAMES, SOARING
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, SOARING
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.compiled import available
@@ -83,12 +84,15 @@ BEFORE_M: Final = 50.0  # the larger hill's landing place before its foot
 LINE: Final = "the line"
 POWERED: Final = "the line, propeller"
 WALK: Final = "AOSoar's walk, propeller"
+BEATS: Final = "the line, or beating"
 COMPARED: Final = tuple(
     (mean, *each) for mean in (7.0, 9.0) for each in ((0, POWERED), (0, WALK), (2, POWERED))
 )
 COMPARED_FLIGHTS: Final = 25  # of each
 BUDGET_S: Final = 600.0  # as much as may be set: ten minutes of full throttle in an hour
 PROPELLER: Final = "eclipson_c_propeller"
+BEAT_WIDTH_M: Final = 100.0  # to either side, and the fence: of a ridge that long
+BEAT_FENCE_M: Final = 150.0
 # The nose may turn by twice the veer that is laid over the record: its spectra add to that.
 VEER_MAX_DEG: Final = 45.0
 SCALED: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Y_MAX", "FENCE_Z_MAX", "ESC_X", "WPT_X")
@@ -101,6 +105,7 @@ class HourCase(NamedTuple):
     mean_mps: float = 7.0
     auto: int = 1  # ESC_AUTO
     who: str = LINE
+    veer_max_deg: float = VEER_MAX_DEG
 
 
 class HourJob(NamedTuple):
@@ -155,7 +160,7 @@ def record_of(job: HourJob) -> WindRecord:
 
 
 def _hill_of(case: HourCase) -> ShippedHill:
-    return shipped_hill() if case.who == LINE else shipped_hill(PROPELLER)
+    return shipped_hill() if case.who in (LINE, BEATS) else shipped_hill(PROPELLER)
 
 
 class HourFlown(NamedTuple):
@@ -172,8 +177,10 @@ def hour_flown(job: HourJob) -> HourFlown:
     site, values = hill.site, hill.values
     assert site.ground is not None
     by = job.case.radius_m / hill.air.radius_m
-    changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": VEER_MAX_DEG}
-    if job.case.who != LINE:
+    changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": job.case.veer_max_deg}
+    if job.case.who == BEATS:
+        changes["BEAT_AUTO"] = 1.0
+    elif job.case.who != LINE:
         changes["THR_BUDGET"] = BUDGET_S
     if by != 1.0:
         x, z = values["TGL_X"] * by, values["TGL_Z"] * by
@@ -186,6 +193,8 @@ def hour_flown(job: HourJob) -> HourFlown:
             air=msgspec.structs.replace(hill.air, radius_m=job.case.radius_m),
             start=Start(x_m=x, z_m=z - BELOW_M),
         )
+    if job.case.who == BEATS:
+        changes |= {"FENCE_Y_MAX": BEAT_FENCE_M, "BEAT_WIDTH": BEAT_WIDTH_M}
     return HourFlown(airframe=hill.airframe, site=site, values=values.changed(changes))
 
 
@@ -450,7 +459,7 @@ def draw_hour(path: Path, job: HourJob) -> None:
             axis.plot(minutes, values, color=colour, lw=0.9)
             axis.set_ylabel(label)
             axis.fill_between(
-                minutes, 0, 1, where=mode >= BREAKING_OFF, color="0.85",
+                minutes, 0, 1, where=(mode == BREAKING_OFF) | (mode == LANDING), color="0.85",
                 transform=axis.get_xaxis_transform(),
             )  # fmt: skip
         axes[2].plot(minutes, flown["x_m"][every], color="0.5", lw=0.8)

@@ -21,23 +21,12 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import ShippedHill, shipped_hill
 from tgl_soar.analysis.experiments.random_aircraft import flown_world
-from tgl_soar.analysis.experiments.result import (
-    ChangedThreshold,
-    Claim,
-    Result,
-    Table,
-    decided,
-)
+from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table, decided
 from tgl_soar.analysis.search.scoring import fraction_text, interval
 from tgl_soar.config.site import Start
 from tgl_soar.control.envelope import clearance
-from tgl_soar.control.supervisor import (
-    BREAKING_OFF,
-    LANDING,
-    MODE_NAMES,
-    REASON_TEXTS,
-    SOARING,
-)
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, SOARING
+from tgl_soar.control.supervisor_texts import MODE_NAMES, REASON_TEXTS
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.compiled_flight import fly_compiled, prepare

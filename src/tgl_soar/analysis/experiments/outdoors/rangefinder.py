@@ -36,7 +36,8 @@ from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.autopilot import Output
 from tgl_soar.control.envelope import clearance
-from tgl_soar.control.supervisor import CAPTURING, FAILED, REASON_TEXTS, RELEASED
+from tgl_soar.control.supervisor import CAPTURING, FAILED, RELEASED
+from tgl_soar.control.supervisor_texts import REASON_TEXTS
 from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.estimation.ground_range import RANGE_CORRECTS
 from tgl_soar.geometry import soaring_from_ned

@@ -41,13 +41,8 @@ from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.envelope import clearance
-from tgl_soar.control.supervisor import (
-    CAPTURING,
-    FAILED,
-    LANDING,
-    REASON_TEXTS,
-    RELEASED,
-)
+from tgl_soar.control.supervisor import CAPTURING, FAILED, LANDING, RELEASED
+from tgl_soar.control.supervisor_texts import REASON_TEXTS
 from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned
 from tgl_soar.sim.closed_loop import ClosedLoop

@@ -34,7 +34,7 @@ export class Model {
     const number = this.now.soar_mode;
     return Number.isInteger(number) ? (this.scene.modes[number] ?? `mode ${number}`) : null;
   }
-  get flying() { return ["capturing", "soaring", "searching", "holding", "recovering", "launching", "breaking off", "landing"].includes(this.mode); }
+  get flying() { return ["capturing", "soaring", "searching", "holding", "recovering", "launching", "breaking off", "landing", "beating"].includes(this.mode); }
   get line() {
     const [p, now] = [this.parameters, this.now];
     const line = this.isRecording // its parameters are those of its beginning

@@ -3,7 +3,7 @@
 import { $, fixed, known, level, make, words } from "./dom.js";
 
 const SEVERITIES = ["emergency", "alert", "critical", "error", "warning", "notice", "info", "debug"];
-const MODE_LEVELS = { soaring: "good", ready: "good", capturing: "warn", searching: "warn", launching: "warn", "breaking off": "bad", landing: "warn", holding: "warn", recovering: "bad", released: "bad", failed: "bad" };
+const MODE_LEVELS = { soaring: "good", ready: "good", capturing: "warn", searching: "warn", launching: "warn", "breaking off": "bad", landing: "warn", beating: "warn", holding: "warn", recovering: "bad", released: "bad", failed: "bad" };
 
 export function updateHead(model) {
   const mode = $("mode");
