@@ -48,7 +48,12 @@ from tgl_soar.control.target_line import TargetLine, e_rho
 from tgl_soar.types import AirEstimate
 
 BEAT = BeatParams(
-    asked=False, auto=True, half_width_m=40.0, top_z_m=90.0, veer_max_rad=radians(45.0)
+    asked=False,
+    auto=True,
+    aside=True,
+    half_width_m=40.0,
+    top_z_m=90.0,
+    veer_max_rad=radians(45.0),
 )
 TARGET = TargetLine(-20.0, 40.0, radians(105.0))
 PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15)
@@ -319,6 +324,7 @@ def test_a_wind_from_too_far_aside_is_one_beyond_what_the_nose_follows() -> None
             assert is_oblique(BEAT, felt.wind_mps, felt.cross_wind_mps) == oblique
             assert (watched(felt, 1.0).oblique_s > 0.9) == oblique
     assert not is_oblique(BEAT._replace(veer_max_rad=0.0), 1.0, 9.0)
+    assert not is_oblique(BEAT._replace(aside=False), 1.0, 9.0)
     assert watched(air(wind_mps=nan, cross_wind_mps=9.0), 1.0) == NO_BEAT
     still = watched(air(wind_mps=8.0), 4.0)
     gust = watched(air(wind_mps=8.0, cross_wind_mps=12.0), 2.0, still)

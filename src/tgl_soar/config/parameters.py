@@ -842,8 +842,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         integer=True, in_files=False,
     ),
     Parameter(
-        name="BEAT_AUTO", unit="", minimum=0, maximum=1, default=0,
-        meaning="1: beat where the wind is too slow to stand in, or beyond VEER_MAX; 0: never.",
+        name="BEAT_AUTO", unit="", minimum=0, maximum=2, default=0,
+        meaning="1: beat where the wind is too slow to stand in; 2: or beyond VEER_MAX; 0: never.",
         integer=True,
     ),
     Parameter(

@@ -233,6 +233,7 @@ def _beat_params(values: ParameterSet) -> BeatParams:
     return BeatParams(
         asked=values["BEAT_START"] != 0.0,
         auto=values["BEAT_AUTO"] != 0.0,
+        aside=values["BEAT_AUTO"] == 2.0,
         half_width_m=min(values["BEAT_WIDTH"], BEAT_OF_FENCE * values["FENCE_Y_MAX"]),
         top_z_m=values["FENCE_Z_MAX"],
         veer_max_rad=radians(values["VEER_MAX"]),

@@ -1,9 +1,9 @@
 """Beating along the ridge: a stretch there and back, with a turn into the wind at each end.
 
-An aircraft can stand on its line where the wind is as fast as it flies.  Where it is slower, or
-blows along the ridge by more than the line's limits in veer, it can still stay in the lift, as
-every slope pilot does: with the nose off the wind, so that what is left of the airspeed upwind is
-the wind's, and the rest carries it along the ridge.  It flies to and fro in the line's own plane:
+An aircraft can stand on its line where the wind is as fast as it flies.  Where it is slower it can
+still stay in the lift, as every slope pilot does: with the nose off the wind, so that what is left
+of the airspeed upwind is the wind's, and the rest carries it along the ridge.  It flies to and fro
+in the line's own plane:
 
     d     = x − x_line(z)                        downstream of the plane, at its height
     v_n   = d / RETURN_S                         upstream over the ground, BACK_MPS … OUT_MPS
@@ -75,7 +75,8 @@ class BeatParams(NamedTuple):
     """Parameters of beating along the ridge."""
 
     asked: bool  # from now on
-    auto: bool  # where it cannot stand
+    auto: bool  # where the wind is too slow to stand in
+    aside: bool  # where it comes from too far aside, too
     half_width_m: float  # to either side of the frame's middle; 0: it never does
     top_z_m: float  # of the fence
     veer_max_rad: float  # of standing; 0: the wind's direction is not estimated
@@ -116,8 +117,8 @@ def beat_watch(
 
 
 def is_oblique(params: BeatParams, wind_mps: float, cross_wind_mps: float) -> bool:
-    """Whether the wind comes from farther aside than the nose may follow."""
-    if params.veer_max_rad <= 0.0:
+    """Whether the wind comes from farther aside than the nose may follow, and that counts."""
+    if params.veer_max_rad <= 0.0 or not params.aside:
         return False
     return abs(atan2(cross_wind_mps, wind_mps)) > params.veer_max_rad + VEER_BY_RAD
 

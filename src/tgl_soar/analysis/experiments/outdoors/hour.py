@@ -179,7 +179,7 @@ def hour_flown(job: HourJob) -> HourFlown:
     by = job.case.radius_m / hill.air.radius_m
     changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": job.case.veer_max_deg}
     if job.case.who == BEATS:
-        changes["BEAT_AUTO"] = 1.0
+        changes["BEAT_AUTO"] = 2.0
     elif job.case.who != LINE:
         changes["THR_BUDGET"] = BUDGET_S
     if by != 1.0:
