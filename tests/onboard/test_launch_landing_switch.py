@@ -12,7 +12,15 @@ from test_onboard import Flight, texts
 from tgl_soar.autopilot import Output
 from tgl_soar.config.site import HomePosition, PositionSettings
 from tgl_soar.control.launch_landing import LaunchLandingReport
-from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, LAUNCHING, READY, RELEASED, SOARING
+from tgl_soar.control.supervisor import (
+    BEATING,
+    BREAKING_OFF,
+    LANDING,
+    LAUNCHING,
+    READY,
+    RELEASED,
+    SOARING,
+)
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_RETURN
@@ -156,6 +164,28 @@ def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
         assert bool(switch.refusal("LNC_START", 1.0, active=False)) == refused
     switch.tick(output_of(flight, BREAKING_OFF))
     assert not switch.refusal("ESC_START", 2.0, active=True)
+
+
+def test_beating_is_refused_without_a_line_or_room_and_over_with_the_flight(flight: Flight) -> None:
+    settings = Settings(BEAT_WIDTH=40.0)
+    switch = LaunchLandingSwitch(settings, Said())  # type: ignore[arg-type]
+    switch.tick(output_of(flight, SOARING))
+    assert switch.refusal("BEAT_START", 1.0, active=True) == ""
+    assert switch.refusal("BEAT_START", 1.0, active=False)
+    settings.values["BEAT_WIDTH"] = 0.0
+    assert "BEAT_WIDTH" in switch.refusal("BEAT_START", 1.0, active=True)
+    settings.values["BEAT_WIDTH"] = 40.0
+    for mode in (BREAKING_OFF, LANDING, LAUNCHING):
+        switch.tick(output_of(flight, mode))
+        assert switch.refusal("BEAT_START", 1.0, active=True)
+        assert switch.refusal("BEAT_START", 0.0, active=True) == ""
+    for after in (BREAKING_OFF, RELEASED):
+        settings.values["BEAT_START"] = 1.0
+        for mode in (SOARING, BEATING):
+            switch.tick(output_of(flight, mode))
+            assert settings.values["BEAT_START"] == 1.0
+        switch.tick(output_of(flight, after))
+        assert settings.values["BEAT_START"] == 0.0
 
 
 def test_a_break_off_by_command_over_the_air() -> None:

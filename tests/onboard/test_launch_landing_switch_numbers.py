@@ -20,7 +20,7 @@ class Bench:
     """Parameters and an operator."""
 
     def __init__(self) -> None:
-        self.values = {"LNC_START": 0.0, "ESC_START": 0.0}
+        self.values = {"LNC_START": 0.0, "ESC_START": 0.0, "BEAT_START": 0.0}
         self.said: list[tuple[int, str]] = []
         self.now_s = 100.0
         self.switch = Switch(self, self)
@@ -111,7 +111,8 @@ def test_a_launch_is_asked_for_until_it_is_over(
     bench.values |= {"LNC_START": 1.0, "ESC_START": BREAK}
     bench.tick(modes.LAUNCHING)
     bench.tick(then)
-    assert bench.values == {"LNC_START": launch, "ESC_START": home}
+    started = {"LNC_START": launch, "ESC_START": home, "BEAT_START": 0.0}
+    assert bench.values == started
     assert bench.said == []
 
 

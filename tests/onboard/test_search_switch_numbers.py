@@ -422,17 +422,25 @@ def test_the_operators_line_is_theirs(bench: Bench) -> None:
     assert len(bench.said) == 1
 
 
-@pytest.mark.parametrize("mode", [modes.BREAKING_OFF, modes.LANDING])
+@pytest.mark.parametrize(
+    ("mode", "where"),
+    [
+        (modes.BREAKING_OFF, "goes home"),
+        (modes.LANDING, "goes home"),
+        (modes.BEATING, "beats along the ridge"),
+    ],
+)
 @pytest.mark.parametrize("standing", [SEARCH_LOOKS, SEARCH_SOARS, SEARCH_GIVEN_UP, SEARCH_OFF])
-def test_on_the_way_home_it_is_over_and_said_where_it_was_under_way(
-    bench: Bench, mode: int, standing: int
+def test_without_a_line_it_is_over_and_said_where_it_was_under_way(
+    bench: Bench, mode: int, where: str, standing: int
 ) -> None:
     bench.searches()
     bench.values["SRCH_START"] = standing
     bench.tick(0.005, mode)
     assert bench.standing == SEARCH_OFF
     under_way = standing in (SEARCH_LOOKS, SEARCH_SOARS)
-    assert bench.said == ([(SEVERITY_INFO, "search ended: it goes home")] if under_way else [])
+    assert bench.said == ([(SEVERITY_INFO, f"search ended: it {where}")] if under_way else [])
+    assert bench.switch.refusal().startswith(f"it {where}")
     # What was asked before is not obeyed after it.
     bench.says()
     bench.values["SRCH_START"] = SEARCH_LOOKS

@@ -39,7 +39,7 @@ from tgl_soar.control.search.glimpse import (
     SearchTask,
     task_of,
 )
-from tgl_soar.control.supervisor import HOLDING, LAUNCHING, RECOVERING, goes_home
+from tgl_soar.control.supervisor import BEATING, HOLDING, LAUNCHING, RECOVERING, goes_home
 from tgl_soar.control.target_line import TargetLine, e_rho, eta_from_lean
 from tgl_soar.control.throttle import can_hold
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_INFO, SEVERITY_WARNING
@@ -94,7 +94,7 @@ class SearchSwitch:
         self._wind = self._updraft = self._pushed = 0.0  # sums since then
         self._count = 0
         self._was_active = False
-        self._goes_home = False
+        self._goes_home = self._beats = False
         self._search = 0  # its number: another one for each that begins, and after each that ends
         self._seeks = False
         # Of the glimpse that was answered last, or when one was asked first; NaN: none was.
@@ -115,6 +115,8 @@ class SearchSwitch:
         """Why no search can begin now; "" if it can."""
         if self._goes_home:
             return "it goes home: set ESC_START to 2 first, to soar on"
+        if self._beats:
+            return "it beats along the ridge: no line is flown that a search could move"
         return self._lacks()
 
     def _lacks(self) -> str:
@@ -131,13 +133,13 @@ class SearchSwitch:
 
     def tick(self, output: Output) -> None:
         """A tick has gone by, and its command is on its way."""
-        self._goes_home = goes_home(output.mode)
+        self._goes_home, self._beats = goes_home(output.mode), output.mode == BEATING
         if not output.active:
             self._landed()
             return
         self._was_active = True
-        if self._goes_home:
-            self._end_on_way_home()
+        if self._goes_home or self._beats:
+            self._end_without_line()
             return
         self._show_whether_one_can_begin()
         engine = self._engine
@@ -172,10 +174,11 @@ class SearchSwitch:
         if self._standing != SEARCH_OFF:
             self._settings.assign("SRCH_START", SEARCH_OFF)
 
-    def _end_on_way_home(self) -> None:
+    def _end_without_line(self) -> None:
         """No line is flown there, and whoever soars on from there starts again."""
         if self._is_wanted:
-            self._end(SEVERITY_INFO, "search ended: it goes home")
+            where = "goes home" if self._goes_home else "beats along the ridge"
+            self._end(SEVERITY_INFO, f"search ended: it {where}")
         elif self._standing != SEARCH_OFF:
             self._settings.assign("SRCH_START", SEARCH_OFF)
         if self._seeks:
