@@ -28,6 +28,7 @@ from tgl_soar.analysis.experiments.outdoors.hour import (
     INTENSITY,
     LINE,
     RADII_M,
+    VEER_MAX_DEG,
     HourCase,
     HourJob,
     path_of,
@@ -117,7 +118,8 @@ def wind_of(job: BeatJob) -> WindRecord:
 
 def _path(job: BeatJob) -> tuple[Any, Any]:
     hour = HourJob(job.case, job.seed, job.duration_s, job.dispersed)
-    return path_of(hour, wind_of(job))
+    most_deg = OBLIQUE_MAX_DEG if job.kind == OBLIQUE else VEER_MAX_DEG
+    return path_of(hour, wind_of(job), most_deg)
 
 
 def fly_beating(job: BeatJob) -> BeatFlight:
@@ -156,8 +158,7 @@ def cases() -> tuple[tuple[str, HourCase, float], ...]:
         for who in (LINE, BEATS)
     ]
     aside = [
-        (OBLIQUE, HourCase(RADII_M[-1], OBLIQUE_MPS, AUTO, who, OBLIQUE_MAX_DEG), OBLIQUE_S)
-        for who in (LINE, BEATS)
+        (OBLIQUE, HourCase(RADII_M[-1], OBLIQUE_MPS, AUTO, who), OBLIQUE_S) for who in (LINE, BEATS)
     ]
     return (*hours, *aside)
 
@@ -169,7 +170,13 @@ def run(context: Context) -> Result:
     seeds = range(FIRST_SEED, FIRST_SEED + count)
     shorter = 20.0 if context.quick else 1.0
     jobs = [
-        BeatJob(kind, case, seed, duration_s / shorter, context.dispersion)
+        BeatJob(
+            kind=kind,
+            case=case,
+            seed=seed,
+            duration_s=duration_s / shorter,
+            dispersed=context.dispersion,
+        )
         for kind, case, duration_s in cases()
         for seed in seeds
     ]
@@ -299,7 +306,9 @@ def _why(flown: list[BeatFlight]) -> str:
 def drawn_job(flown: list[BeatFlight]) -> BeatJob:
     """The one that beat for longest."""
     longest = max(flown, key=lambda each: each.beating_s)
-    return BeatJob(longest.kind, longest.case, longest.seed, longest.duration_s)
+    return BeatJob(
+        kind=longest.kind, case=longest.case, seed=longest.seed, duration_s=longest.duration_s
+    )
 
 
 def draw_beating(path: Path, job: BeatJob) -> None:

@@ -105,7 +105,6 @@ class HourCase(NamedTuple):
     mean_mps: float = 7.0
     auto: int = 1  # ESC_AUTO
     who: str = LINE
-    veer_max_deg: float = VEER_MAX_DEG
 
 
 class HourJob(NamedTuple):
@@ -171,13 +170,13 @@ class HourFlown(NamedTuple):
     values: ParameterSet
 
 
-def hour_flown(job: HourJob) -> HourFlown:
+def hour_flown(job: HourJob, veer_max_deg: float = VEER_MAX_DEG) -> HourFlown:
     """The aircraft, the hill and the parameters of a flight."""
     hill = _hill_of(job.case).on_line(SOARED_LINE)
     site, values = hill.site, hill.values
     assert site.ground is not None
     by = job.case.radius_m / hill.air.radius_m
-    changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": job.case.veer_max_deg}
+    changes = {"ESC_AUTO": float(job.case.auto), "VEER_MAX": veer_max_deg}
     if job.case.who == BEATS:
         changes["BEAT_AUTO"] = 2.0
     elif job.case.who != LINE:
@@ -218,9 +217,11 @@ def _world_of(job: HourJob, flown: HourFlown, record: WindRecord) -> World:
     )
 
 
-def path_of(job: HourJob, record: WindRecord) -> tuple[Trajectory, ParameterSet]:
+def path_of(
+    job: HourJob, record: WindRecord, veer_max_deg: float = VEER_MAX_DEG
+) -> tuple[Trajectory, ParameterSet]:
     """The whole flight, and with which parameters."""
-    what = hour_flown(job)
+    what = hour_flown(job, veer_max_deg)
     world, values = _world_of(job, what, record), what.values
     if job.case.who == WALK:
         polar = what.airframe.polar.as_polar()
