@@ -336,5 +336,12 @@ def test_its_numbers_are_argued() -> None:
     # Twice the lag of the nose: a second order with this damping.
     assert 0.6 < 0.5 * (RETURN_S / ridge_beat.LAG_S) ** 0.5 < 0.8
     assert pi / 2.0 - 0.35 < MOST_RAD < pi / 2.0
+    # As long as a lull takes to come or to go is half too late, and a gust's five seconds too soon.
+    assert 8.0 <= BACK_S <= 15.0
+    # In lift of 2 m/s, the most that a slow wind makes, five seconds to gain 4 m/s of airspeed.
+    assert 8.0 <= TOP_M <= 15.0
+    # Within the bank that follows the sideways speed, and what the waypoint takes up.
+    assert radians(15.0) >= STRAIGHT_RAD
+    assert ridge_beat.NEAR_M < MIDDLE_M <= 20.0
     # As much bank as a turn of this rate needs at the best glide's speed.
     assert atan2(TURN_RADPS * PARAMS.best_glide_mps, 9.81) == pytest.approx(BANK_RAD, abs=0.05)
