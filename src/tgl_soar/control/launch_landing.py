@@ -141,7 +141,7 @@ def phase_step(
         place_known=sure,
     )
     escape = escape_step(laws.landing, state.escape, view, vehicle, air, dt_s)
-    glide = state.glide if goes_home or mode == modes.BEATING else NO_GLIDE
+    glide = state.glide if modes.flies_without_line(mode) else NO_GLIDE
     lull = _lull_step(laws, state.lull, mode, estimates, dt_s)
     beat = beat_watch(laws.beat, laws.landing, state.beat, air, dt_s) if in_air else NO_BEAT
     return LaunchLandingState(launch=began, escape=escape, glide=glide, lull=lull, beat=beat)
@@ -211,7 +211,8 @@ def phase_conditions(laws: Laws, mode: int, state: LaunchLandingState, estimates
         found |= modes.ON_GROUND
     if not estimates.margins.outside & OUT_DOWNSTREAM:
         found |= modes.INSIDE_LEE
-    if is_back(vehicle, estimates.air) and is_wanted_back(laws.beat, state.beat):
+    beats = mode == modes.BEATING and is_wanted_back(laws.beat, state.beat)
+    if beats and is_back(vehicle, estimates.air):
         found |= modes.BEAT_OVER
     if laws.beat.asked and can_beat(laws, estimates):
         found |= modes.BEAT
@@ -232,7 +233,8 @@ def with_way_home(
     estimates: Estimates,
     found: int,
 ) -> int:
-    """The conditions of a tick, and to break off in place of what would end a flight on the slope.
+    """The conditions of a tick, and to beat along the ridge where it cannot stand, or to break off
+    in the place of what would end a flight on the slope.
 
     Where it may break off by itself and there is height for a landing, a line that is given up is
     left for home, and so is one along which it sinks to ESC_CLEAR within SINKS_S, for LOW_S, and

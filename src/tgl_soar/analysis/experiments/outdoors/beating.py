@@ -2,8 +2,7 @@
 
 The winds of `hour`, of other seeds: each flown twice by the same aircraft with the same way home,
 by who breaks off where it cannot stand, and by who may beat (BEAT_AUTO).  And a steady wind that
-turns by more than the nose may follow, and stays there: who cannot beat is told so, and drifts
-along the ridge.
+turns by more than the nose may follow, and stays there: who cannot beat stands with a sideslip.
 """
 
 from __future__ import annotations
@@ -34,7 +33,12 @@ from tgl_soar.analysis.experiments.outdoors.hour import (
     path_of,
     record_of,
 )
-from tgl_soar.analysis.experiments.outdoors.outdoors import SINK_MPS, span, touches_down_well
+from tgl_soar.analysis.experiments.outdoors.outdoors import (
+    SINK_MPS,
+    is_lost,
+    span,
+    touches_down_well,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.control.supervisor import BEATING, BREAKING_OFF, LANDING, SOARING
@@ -55,7 +59,6 @@ OBLIQUE_BEGINS_S: Final = (10.0, 30.0)
 OBLIQUE_DEGPS: Final = 2.0
 OBLIQUE_S: Final = 600.0
 LULLS, OBLIQUE = "lulls and veer", "too oblique"
-KINDS: Final = (LULLS, OBLIQUE)
 
 
 class BeatJob(NamedTuple):
@@ -94,9 +97,8 @@ class BeatFlight:
 
     @property
     def lost(self) -> bool:
-        """As `hour` counts it: it hit something, and was not landing, or landed too hard."""
-        soft = self.landing and self.sink_mps <= SINK_MPS
-        return bool(self.ended) and not self.ended.startswith("disengaged") and not soft
+        """As `outdoors` has it."""
+        return is_lost(self.ended, self.landing, self.sink_mps)
 
     @property
     def landed(self) -> bool:

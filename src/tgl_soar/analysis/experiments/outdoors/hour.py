@@ -42,6 +42,7 @@ from tgl_soar.analysis.experiments.outdoors.hour_walk import walked
 from tgl_soar.analysis.experiments.outdoors.outdoors import (
     ALREADY,
     SINK_MPS,
+    is_lost,
     span,
     touches_down_well,
 )
@@ -139,13 +140,8 @@ class FlownHour:
 
     @property
     def lost(self) -> bool:
-        """It hit something, and was not landing, or landing it hit the ground harder than it may.
-
-        SINK_MPS is the fall from 0.11 m, of those landings that end as they should: it is no limit
-        of a structure, which nobody has tested, and counts more as lost than may have broken.
-        """
-        soft = self.landing and self.sink_mps <= SINK_MPS
-        return bool(self.ended) and not self.ended.startswith("disengaged") and not soft
+        """As `outdoors` has it."""
+        return is_lost(self.ended, self.landing, self.sink_mps)
 
     @property
     def landed(self) -> bool:

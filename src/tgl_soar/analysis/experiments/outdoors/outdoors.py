@@ -386,6 +386,16 @@ def _landings(by_kind: dict[str, list[FlownPassage]]) -> Table:
     return Table("Landings: least, median, most", columns, tuple(rows))
 
 
+def is_lost(ended: str, landing: bool, sink_mps: float) -> bool:
+    """It hit something, and was not landing, or landing it hit the ground harder than it may.
+
+    SINK_MPS is the fall from 0.11 m, of those landings that end as they should: it is no limit of a
+    structure, which nobody has tested, and counts more as lost than may have broken.
+    """
+    soft = landing and sink_mps <= SINK_MPS
+    return bool(ended) and not ended.startswith("disengaged") and not soft
+
+
 def span(values: list[float], digits: int = 1) -> str:
     """Least, median and most of the numbers that are known."""
     known = [value for value in values if isfinite(value)]
