@@ -14,6 +14,7 @@ import pytest
 
 # Whole flights of the laws, in plain Python.
 LAWS = (
+    "autopilot/test_beating_in_tick.py",
     "autopilot/test_low_rule.py", "autopilot/test_launch_landing_in_tick.py",
     "autopilot/test_point_in_tick.py",
     "autopilot/test_power_in_tick.py", "autopilot/test_rangefinder_in_tick.py",
@@ -53,6 +54,7 @@ ANALYSIS = (
     "analysis/experiments/loop/test_margin_tables.py",
     "analysis/experiments/outdoors/test_outdoors.py",
     "analysis/experiments/outdoors/test_rangefinder.py",
+    "analysis/experiments/outdoors/test_beating.py",
     "analysis/experiments/outdoors/test_hour.py", "analysis/experiments/test_catalogue.py",
     "analysis/experiments/test_concluded.py",
     "analysis/experiments/test_experiment_commands.py", "analysis/experiments/test_flights.py",
