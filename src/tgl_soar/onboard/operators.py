@@ -171,7 +171,8 @@ class Operators:
             self._engage_switch.released(now_s, source)
         if server.values is not self._settings.values:
             self._settings.changed()
-        if accepted and message.param_id in (*STAGED, "TGL_STAGE"):
+        # mypyc takes no tuple with a star after `in`.
+        if accepted and (message.param_id in STAGED or message.param_id == "TGL_STAGE"):
             self._staged_s = now_s
         if accepted:
             self._switches.was_set(message.param_id)
