@@ -30,6 +30,7 @@ of the lower and the upper free streamline, √(1 − cp) with cp the wake's pre
 
 from __future__ import annotations
 
+from copy import copy
 from functools import lru_cache
 from math import cos, inf, isfinite, pi, radians, sin, sqrt, tan
 from typing import NamedTuple
@@ -202,6 +203,14 @@ class SlopeJet:
             shape.board_length_m * cos(shape.slope_rad),
             tan(shape.slope_rad),
         )
+
+    def with_unit_wind(self, wind: FloatArray) -> SlopeJet:
+        """The same board in another wind: (u, w) in the place of those of `unit_jet` at its nodes,
+        of shape (nx, nz, 2), for a nozzle wind of 1 m/s."""
+        other = copy(self)
+        values = (wind * self.wind_mps).ravel().tolist()
+        other.jet = self.jet._replace(table=self.jet.table._replace(values=values))
+        return other
 
     @property
     def reference_wind_mps(self) -> float:

@@ -13,6 +13,7 @@ import pytest
 from msgspec.structs import asdict
 
 from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
+from tgl_soar.air.jet import SlopeJet
 from tgl_soar.analysis.campaigns import drawn_faults
 from tgl_soar.analysis.campaigns.drawn_faults import FaultJob, FaultJobs, place, world_of
 from tgl_soar.analysis.experiments import catalogue
@@ -111,6 +112,12 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
     low, high = ranges.centre_of_gravity
     assert low == -high
     assert told["centre of gravity"] == f"± {100.0 * high:g} % of the chord"
+    low, high = ranges.edge_m
+    assert low == -high
+    assert told["free edge of the jet"] == f"± {100.0 * high:g} cm"
+    low, high = ranges.shear_per_m
+    assert low == -high
+    assert told["shear of the jet"] == f"± {100.0 * high:g} % for each metre"
     assert told["commands, beyond the known delay"] == f"up to {1000.0 * ranges.late_s[1]:g} ms"
     assert ranges.late_s[0] == 0.0
 
@@ -134,7 +141,6 @@ def test_the_air_is_another() -> None:
     flatter, steeper = (
         mismatched_field(field, site, NONE._replace(slope_rad=slope)) for slope in RANGES.slope_rad
     )
-    assert isinstance(flatter, BlendedField)
     at = (0.6, 0.0, 1.2, 0.0)
     assert flatter.wind_at(*at)[2] < field.wind_at(*at)[2] < steeper.wind_at(*at)[2]
     faster = mismatched_field(field, site, NONE._replace(wind=1.03))
@@ -144,6 +150,59 @@ def test_the_air_is_another() -> None:
     assert other.air is not None
     assert site.air is not None
     assert other.air.turbulence.length_scale_m == 1.5 * site.air.turbulence.length_scale_m
+
+
+def test_a_jet_has_another_edge_and_shear() -> None:
+    _, site, _, field = place()
+    low, high = RANGES.edge_m
+    assert low == -high
+    lower, upper = (mismatched_field(field, site, NONE._replace(edge_m=e)) for e in (low, high))
+    for x_m in (0.0, 1.0, 2.0):
+        z_m = np.linspace(2.0, 3.6, 801)
+        speeds = [np.hypot(*each.wind(x_m, 0.0, z_m)[::2]) for each in (lower, field, upper)]
+        edges = [float(z_m[np.argmax(speed < 0.5 * speed[0])]) for speed in speeds]
+        # The free edge follows the nozzle's lip; further on by as much as the whole jet is larger.
+        assert edges[1] - edges[0] == pytest.approx(high, abs=0.01), x_m
+        assert edges[2] - edges[1] == pytest.approx(high, abs=0.01), x_m
+    grown = mismatched_field(field, site, NONE._replace(shear_per_m=0.03))
+    at = (0.6, 0.0)
+    for z_m in (0.7, 1.425, 2.4):
+        own, other = field.wind_at(*at, z_m, 0.0), grown.wind_at(*at, z_m, 0.0)
+        assert other == pytest.approx([(1.0 + 0.03 * (z_m - 1.425)) * v for v in own], rel=1e-3)
+
+
+def test_a_jet_between_those_of_the_bounds_is_that_jet() -> None:
+    """The blend against what is computed for the very slope and edge."""
+    _, site, _, field = place()
+    assert isinstance(field, SlopeJet)
+    slope_rad, edge_m = 0.3 * RANGES.slope_rad[1], -0.4 * RANGES.edge_m[1]
+    drawn = NONE._replace(slope_rad=slope_rad, edge_m=edge_m)
+    blended = mismatched_field(field, site, drawn)
+    own = SlopeJet(
+        field.wind_mps,
+        field.shape.slope_rad + slope_rad,
+        nozzle_height_m=field.shape.nozzle_height_m + edge_m,
+    )
+    x, z = np.meshgrid(np.linspace(0.0, 2.0, 21), np.linspace(0.3, 2.6, 24), indexing="ij")
+    above = z > 0.2 + x * np.tan(own.shape.slope_rad)
+    blown, meant = (each.wind(x[above], 0.0, z[above]) for each in (blended, own))
+    for got, computed in zip(blown, meant, strict=True):
+        # Second order in a degree of slope and in a shift by a fifth of the layer's thickness.
+        assert np.abs(got - computed).max() < 0.01 * field.wind_mps
+
+
+def test_a_board_that_is_tilted_in_flight_keeps_its_slopes() -> None:
+    _, site, _, field = place()
+    assert isinstance(field, SlopeJet)
+    steeper = SlopeJet(field.wind_mps, field.shape.slope_rad + 0.03)
+    tilted = BlendedField(field, steeper, Schedule([0.0, 1.0], [0.0, 1.0]))
+    drawn = NONE._replace(slope_rad=0.01, edge_m=0.03)
+    other = mismatched_field(tilted, site, drawn)
+    own = drawn._replace(slope_rad=0.0)
+    at = (1.0, 0.0, 2.3)
+    for time_s, each in ((0.0, field), (1.0, steeper)):
+        assert other.wind_at(*at, time_s) == mismatched_field(each, site, own).wind_at(*at, time_s)
+        assert other.wind_at(*at, time_s) != each.wind_at(*at, time_s)
 
 
 def test_a_wind_that_changes_is_that_over_another_board_too() -> None:
@@ -201,8 +260,10 @@ def test_a_scenario_is_flown_by_another_aircraft() -> None:
 
 def test_what_an_experiment_draws_by_itself_is_not_drawn_again() -> None:
     _, site, _, field = place()
-    drawn = drawn_mismatch(7, ("wind", "slope_rad"))
-    assert drawn == drawn_mismatch(7)._replace(wind=1.0, slope_rad=0.0)
+    drawn = drawn_mismatch(7, episode.ALREADY)
+    assert drawn == drawn_mismatch(7)._replace(
+        drag=1.0, wind=1.0, slope_rad=0.0, edge_m=0.0, shear_per_m=0.0
+    )
     assert mismatched_field(field, site, drawn) is field
 
 

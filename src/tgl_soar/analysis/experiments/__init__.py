@@ -3,7 +3,7 @@
   catalogue            every experiment by its name
   context, result      what an experiment is given;  what it says: claims, tables, figures
   scenario, flights    scenario files;  their flights, many at a time
-  random_aircraft      an aircraft unlike its file in air unlike its site's
+  random_aircraft      an aircraft unlike its file in air unlike its site's;  random_jet: a jet's
   spread_along_line    how far turbulence moves an aircraft along its line, by theory
   pages, staleness     docs/experiments.md and docs/aims.md;  whether they are of today's laws
 

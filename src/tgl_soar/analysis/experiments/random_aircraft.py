@@ -9,16 +9,16 @@ aircraft too: further apart, each with a file of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
-from math import degrees, radians, sqrt
+from math import radians, sqrt
 from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
 
 from tgl_soar.air.field import WindField
-from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
+from tgl_soar.air.gusts import BlendedField, ScaledField
 from tgl_soar.air.jet import SlopeJet
+from tgl_soar.analysis.experiments.random_jet import JetRanges, altered_jet
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import JetAir, Site
@@ -48,6 +48,8 @@ class MismatchRanges(NamedTuple):
     wind: Range = (0.97, 1.03)
     length: Range = (0.67, 1.5)  # of the turbulence
     brake: Range = (0.8, 1.2)  # of all that the brake does
+    edge_m: Range = (-0.05, 0.05)  # added to the height of a jet's free edge
+    shear_per_m: Range = (-0.03, 0.03)  # of a jet's wind, for each metre of height
 
 
 RANGES: Final = MismatchRanges()
@@ -77,6 +79,8 @@ class Mismatch(NamedTuple):
     wind: float
     length: float
     brake: float
+    edge_m: float
+    shear_per_m: float
 
 
 AS_FILED: Final = Mismatch(
@@ -95,6 +99,8 @@ AS_FILED: Final = Mismatch(
     wind=1.0,
     length=1.0,
     brake=1.0,
+    edge_m=0.0,
+    shear_per_m=0.0,
 )
 
 
@@ -212,26 +218,33 @@ def mismatched_sensors(sensors: Sensors, drawn: Mismatch) -> Sensors:
 
 
 def mismatched_field(field: WindField, site: Site, drawn: Mismatch) -> WindField:
-    """The mean wind that blows: another wind; in a jet another slope of the board, too.
+    """The mean wind that blows: another wind; in a jet another slope, edge and shear, too.
 
-    Between two slopes the fields are blended, so that no jet is computed for a single flight; a
-    place must lie in both, and so clear of the steeper board.  A board that is tilted in flight is
-    a blend already, and stays the one that it is.  What is not drawn leaves the field as it is.
+    A board that is tilted in flight is a blend of two slopes already, and keeps them.  What is not
+    drawn leaves the field as it is.
     """
-    if drawn.slope_rad != AS_FILED.slope_rad:
-        field = _tilted(field, site, drawn.slope_rad)
+    field = _with_other_jets(field, site, drawn)
     return field if drawn.wind == AS_FILED.wind else ScaledField(field, drawn.wind)
 
 
-def _tilted(field: WindField, site: Site, slope_rad: float) -> WindField:
+def _with_other_jets(field: WindField, site: Site, drawn: Mismatch) -> WindField:
     if isinstance(field, ScaledField):
-        return ScaledField(_tilted(field.field, site, slope_rad), field.factor)
-    if not (isinstance(field, SlopeJet) and isinstance(site.air, JetAir)):
+        return ScaledField(_with_other_jets(field.field, site, drawn), field.factor)
+    if isinstance(field, BlendedField):
+        kept = drawn._replace(slope_rad=AS_FILED.slope_rad)
+        first, second = (_with_other_jets(each, site, kept) for each in (field.first, field.second))
+        return BlendedField(first, second, field.weight)
+    jet = (drawn.slope_rad, drawn.edge_m, drawn.shear_per_m)
+    as_filed = jet == (AS_FILED.slope_rad, AS_FILED.edge_m, AS_FILED.shear_per_m)
+    if as_filed or not (isinstance(field, SlopeJet) and isinstance(site.air, JetAir)):
         return field
-    low, high = RANGES.slope_rad
-    weight = (slope_rad - low) / (high - low)
-    flatter, steeper = (_sloped(site.air, shift) for shift in RANGES.slope_rad)
-    return BlendedField(flatter, steeper, Schedule([0.0], [weight]))
+    return altered_jet(
+        field,
+        JetRanges(slope_rad=RANGES.slope_rad, edge_m=RANGES.edge_m),
+        slope_rad=drawn.slope_rad,
+        edge_m=drawn.edge_m,
+        shear_per_m=drawn.shear_per_m,
+    )
 
 
 def mismatched_site(site: Site, drawn: Mismatch) -> Site:
@@ -243,12 +256,3 @@ def mismatched_site(site: Site, drawn: Mismatch) -> Site:
     return msgspec.structs.replace(
         site, air=msgspec.structs.replace(site.air, turbulence=turbulence)
     )
-
-
-@lru_cache(maxsize=4)
-def _built(wind_mps: float, slope_deg: float) -> WindField:
-    return build_field(JetAir(wind_mps=wind_mps, slope_deg=slope_deg))
-
-
-def _sloped(air: JetAir, shift_rad: float) -> WindField:
-    return _built(air.wind_mps, air.slope_deg + degrees(shift_rad))

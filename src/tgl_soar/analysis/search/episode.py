@@ -20,7 +20,8 @@ from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.onboard.line_moves import line_parameters_of
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, Sensors
 
-ALREADY: Final = ("drag", "wind", "slope_rad")  # of a place: drawn with it, and known to no file
+# Of a place: drawn with it, and known to no file.
+ALREADY: Final = ("drag", "wind", "slope_rad", "edge_m", "shear_per_m")
 # SAOS's upright line; and whoever searches flies in mode searching.
 SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
 
