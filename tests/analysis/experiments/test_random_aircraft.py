@@ -158,9 +158,9 @@ def test_a_jet_has_another_edge_and_shear() -> None:
     assert low == -high
     lower, upper = (mismatched_field(field, site, NONE._replace(edge_m=e)) for e in (low, high))
     for x_m in (0.0, 1.0, 2.0):
-        z_m = np.linspace(2.0, 3.6, 801)
-        speeds = [np.hypot(*each.wind(x_m, 0.0, z_m)[::2]) for each in (lower, field, upper)]
-        edges = [float(z_m[np.argmax(speed < 0.5 * speed[0])]) for speed in speeds]
+        heights = np.linspace(2.0, 3.6, 801)
+        speeds = [np.hypot(*each.wind(x_m, 0.0, heights)[::2]) for each in (lower, field, upper)]
+        edges = [float(heights[np.argmax(speed < 0.5 * speed[0])]) for speed in speeds]
         # The free edge follows the nozzle's lip; further on by as much as the whole jet is larger.
         assert edges[1] - edges[0] == pytest.approx(high, abs=0.01), x_m
         assert edges[2] - edges[1] == pytest.approx(high, abs=0.01), x_m
