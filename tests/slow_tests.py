@@ -28,7 +28,7 @@ LAWS = (
     "onboard/test_search_switch.py", "onboard/test_station_watch.py",
     "onboard/test_survey_switch.py", "sim/test_bridge.py", "sim/test_bridge_faults.py",
     "sim/test_closed_loop.py", "sim/test_frame_resets.py", "sim/test_gains_in_flight.py",
-    "sim/test_sideways.py", "sim/test_wrong_measurements.py",
+    "sim/test_oblique_wind.py", "sim/test_sideways.py", "sim/test_wrong_measurements.py",
 )  # fmt: skip
 # What needs a compiled kernel, which takes minutes to compile.
 KERNELS = (

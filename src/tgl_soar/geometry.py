@@ -30,7 +30,9 @@ class SoaringFrame(NamedTuple):
     origin_north_m: float
     origin_east_m: float
     origin_down_m: float
-    wind_from_rad: float  # true direction that the wind comes from, clockwise from north
+    # True direction, clockwise from north, that the wind comes from or, at a ridge that it blows
+    # at obliquely, that is straight off the ridge: x is away from there.
+    wind_from_rad: float
 
 
 class HallFrame(NamedTuple):

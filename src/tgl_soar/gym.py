@@ -62,7 +62,7 @@ from tgl_soar.sim.commanded_flight import (
 from tgl_soar.sim.compiled import cell, compiled
 from tgl_soar.sim.compiled_flight import Prepared, begun, prepare, why_it_stands_so
 from tgl_soar.sim.flight import FLIES, HELD_S, Row
-from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.sim.world import make_world, site_field
 from tgl_soar.types import SurfaceCommand
 
 KINDS: Final = {"line": LINE, "pitch": PITCH, "surfaces": SURFACES}
@@ -144,7 +144,7 @@ def _place(airframe_path: Path, site_path: Path) -> GymPlace:
     airframe, site, values = load_flight(airframe_path, site_path)
     if site.air is None:
         raise ValueError(f"{site_path}: no [air] table, so there is no wind to fly in")
-    return GymPlace(airframe, site, values, build_field(site.air, site_path.parent))
+    return GymPlace(airframe, site, values, site_field(site, site_path.parent))
 
 
 def _found(given: str | Path, folder: str) -> Path:

@@ -19,7 +19,7 @@ from tgl_soar.config.site import GridAir, Site
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.line_bounds import LineBounds, open_sides
 from tgl_soar.link.tangent_plane import Home, TangentPlane
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.world import build_field, site_field
 
 Floats = NDArray[np.float64]
 
@@ -173,6 +173,35 @@ def test_a_ridge_in_a_projected_geotiff_and_wind_across_it(tmp_path: Path) -> No
     off = off_exact_m(site, 60.0)
     assert len(off) > 20
     assert max(off) < 2.5 + 4.0
+
+
+def test_a_wind_that_comes_askew_leaves_the_frame_across_the_ridge(
+    tmp_path: Path, hgt: Path, made: Path
+) -> None:
+    result = run(tmp_path / "site", hgt, **{**HIGH, "wind-from": 300, "wind": 9})
+    assert result.exit_code == 0, result.output
+    path = tmp_path / "site" / "site.toml"
+    site, straight = assert_it_can_be_flown(path), load_site(made)
+    assert (site.site.wind_from_deg, site.site.ridge_deg) == (300.0, 0.0)
+    assert site.site.facing_deg() == straight.site.facing_deg() == 270.0
+    assert site.site.origin_east_m == straight.site.origin_east_m
+    assert load_parameters(load_airframe(PLANE), PLANE, site, path)["VEER_MAX"] == 50.0
+    polar = load_airframe(PLANE).polar.as_polar()
+    field = site_field(site, path.parent)
+    along = {round(field.wind_at(line.x_m, 0.0, line.z_m, 0.0)[1], 6)
+             for line in site.lines.values()}  # fmt: skip
+    assert along == {-4.5}, "half of the wind, from the right"
+    for line in site.lines.values():
+        assert abs(excess_at(field, polar, line.x_m, line.z_m)) < 0.02
+    # Less of an oblique wind is lifted, so that its contour ends lower.
+    result = run(tmp_path / "other", hgt, **{**HIGH, "wind": 9})
+    assert result.exit_code == 0, result.output
+    other = load_site(tmp_path / "other" / "site.toml")
+    top, lower = (
+        max(z for part in each.contour_for("Eclipson Model C") for _, z in part)
+        for each in (other, site)
+    )
+    assert lower < top
 
 
 @pytest.mark.parametrize(

@@ -193,6 +193,20 @@ def _lulls(times_s: FloatArray, wind: SyntheticWind, random: np.random.Generator
     return missing
 
 
+def steady_record(wind_mps: float, veer_rad: float) -> WindRecord:
+    """One that stays as it is.  Errors: ValueError beyond what a record may hold."""
+    if not abs(veer_rad) <= radians(VEER_MAX_DEG):
+        raise ValueError(f"a veer of {degrees(veer_rad):g} deg: at most {VEER_MAX_DEG:g}")
+    return WindRecord(Schedule([0.0], [wind_mps]), Schedule([0.0], [veer_rad]))
+
+
+def turned(record: WindRecord, veer_rad: float) -> WindRecord:
+    """The record of a wind that has turned by so much more, as far as a record may."""
+    most = radians(VEER_MAX_DEG)
+    veers = [max(-most, min(most, veer + veer_rad)) for veer in record.veer_rad.values]
+    return record._replace(veer_rad=Schedule(list(record.veer_rad.times_s), veers))
+
+
 # --- the air it makes -------------------------------------------------------------------------
 
 

@@ -1,9 +1,10 @@
 """The zero excess updraft contour (ZEUC) of a wind field and a glide polar.
 
-    E(x, z) = w(x, z) − sink(u(x, z))
+    E(x, z) = w(x, z) − sink(U(x, z)),        U = √(u² + v²)
 
-u, w  m/s  wind along x (a head wind on the aircraft) and up
-sink  m/s  of the glide polar at the horizontal airspeed u, positive down; undefined (NaN)
+u, w  m/s  wind along x (a head wind on the aircraft) and up;  v  along y, of an oblique wind
+U     m/s  horizontal wind; zero or less where u is: nobody hovers in a wind from behind
+sink  m/s  of the glide polar at the horizontal airspeed U, positive down; undefined (NaN)
            outside the polar's range, and so is E
 
 An aircraft hovers where airspeed equals wind and sink equals updraft: on the contour E = 0.
@@ -14,7 +15,8 @@ u − ẋ = u − ṡ cos η and S′ = d sink / d u,
 
     ṡ sin η = w − sink(u − ṡ cos η)     →     ṡ (sin η − S′ cos η) = E
 
-so the place is stable where E falls going up the line and sin η > S′ cos η.
+so the place is stable where E falls going up the line and sin η > S′ cos η.  In an oblique wind
+S′ u / U stands in the place of S′.
 
 When the wind grows by a factor 1 + ε everywhere, at a place of the contour
     dE/dε = w − u S′ = u (sink/u − S′)
@@ -25,7 +27,7 @@ than best glide), not at all at best glide, down beyond.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan, atan2, cos, degrees, hypot, isfinite, pi, sin
+from math import atan, atan2, copysign, cos, degrees, hypot, isfinite, nan, pi, sin
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -53,7 +55,7 @@ class Crossing(NamedTuple):
 
     x_m: float
     z_m: float
-    wind_mps: float  # u there
+    wind_mps: float  # U there
     updraft_mps: float  # w there
     excess_slope_per_s: float  # dE/ds going up the line [m/s per m]
     stable: bool
@@ -87,9 +89,10 @@ def excess_updraft(
 ) -> FloatArray:
     """E [m/s] at many places; NaN outside the polar's range and outside the field."""
     x, y, z = broadcast(x_m, y_m, z_m)
-    u, _, w = field.wind(x, y, z, time_s)
-    sink = polar.c0 + u * (polar.c1 + u * (polar.c2 + u * polar.c3))
-    defined = (u >= polar.speed_min_mps) & (u <= polar.speed_max_mps)
+    u, v, w = field.wind(x, y, z, time_s)
+    speed = np.copysign(np.hypot(u, v), u)
+    sink = polar.c0 + speed * (polar.c1 + speed * (polar.c2 + speed * polar.c3))
+    defined = (speed >= polar.speed_min_mps) & (speed <= polar.speed_max_mps)
     places = zip(x.ravel().tolist(), y.ravel().tolist(), z.ravel().tolist(), strict=True)
     air = np.array([field.inside(*place) for place in places], dtype=bool).reshape(x.shape)
     return np.where(defined & air, w - sink, np.nan)
@@ -106,8 +109,8 @@ def excess_at(
     """E [m/s] at one place; NaN outside the polar's range and outside the field."""
     if not field.inside(x_m, y_m, z_m):
         return float("nan")
-    u, _, w = field.wind_at(x_m, y_m, z_m, time_s)
-    return w - polar_sink(polar, u)
+    u, v, w = field.wind_at(x_m, y_m, z_m, time_s)
+    return w - polar_sink(polar, copysign(hypot(u, v), u))
 
 
 def excess_gradient(
@@ -165,15 +168,16 @@ def crossings(
         if s is None:
             continue
         x, z = x0_m + s * tx, z0_m + s * tz
-        u, _, w = map(float, field.wind_at(x, y_m, z, time_s))
+        u, v, w = map(float, field.wind_at(x, y_m, z, time_s))
+        speed = hypot(u, v)
         gx, gz = excess_gradient(field, polar, x, z, y_m, time_s)
         slope = float(gx * tx + gz * tz)
-        slides = tz > polar_slope(polar, u) * tx
+        slides = tz > polar_slope(polar, speed) * tx * u / speed
         found.append(
             Crossing(
                 x_m=x,
                 z_m=z,
-                wind_mps=u,
+                wind_mps=speed,
                 updraft_mps=w,
                 excess_slope_per_s=slope,
                 stable=slope < 0.0 and slides,
@@ -344,13 +348,14 @@ def _why_no_contour(
     y_m: float,
     time_s: float,
 ) -> str:
-    u, _, w = field.wind(x, y_m, z, time_s)
+    u, v, w = field.wind(x, y_m, z, time_s)
+    speed = np.copysign(np.hypot(u, v), u)
     where = f"x {x.min():.2f} … {x.max():.2f} m, z {z.min():.2f} … {z.max():.2f} m"
     speeds = f"{polar.speed_min_mps:.2f} … {polar.speed_max_mps:.2f} m/s"
     if not np.isfinite(values).any():
         return (
-            f"no zero excess updraft contour in {where}: the wind ({np.nanmin(u):.2f} …"
-            f" {np.nanmax(u):.2f} m/s) is nowhere within the glide polar's range ({speeds});"
+            f"no zero excess updraft contour in {where}: the wind ({np.nanmin(speed):.2f} …"
+            f" {np.nanmax(speed):.2f} m/s) is nowhere within the glide polar's range ({speeds});"
             " choose a wind within it, other bounds, or a polar measured at these speeds"
         )
     knots = np.linspace(polar.speed_min_mps, polar.speed_max_mps, 400)
@@ -384,10 +389,11 @@ def feasible_leans(
     leans downwind is hard to fly.  Errors: `ZeucError` where no line is stable, or where
     the excess updraft or its gradient is undefined.
     """
-    u, _, _ = field.wind_at(x_m, y_m, z_m, time_s)
+    u, v, _ = field.wind_at(x_m, y_m, z_m, time_s)
+    speed = hypot(u, v)
     gx, gz = excess_gradient(field, polar, x_m, z_m, y_m, time_s)
-    slope = polar_slope(polar, u)
-    where = f"at x {x_m:.3f} m, z {z_m:.3f} m (wind {u:.2f} m/s)"
+    slope = polar_slope(polar, speed) * u / speed if u > 0.0 else nan
+    where = f"at x {x_m:.3f} m, z {z_m:.3f} m (wind {speed:.2f} m/s)"
     if not (isfinite(gx) and isfinite(gz) and isfinite(slope)):
         raise ZeucError(f"excess updraft is undefined {where}: choose a place of the contour")
     # E falls along t within 90° of the direction −∇E; sin η > S′ cos η from atan S′ on.

@@ -153,9 +153,10 @@ def _surroundings(
     choose which file of this computer the page shows.
     """
     from tgl_soar.analysis.report.flight_report_figures import Surroundings
-    from tgl_soar.sim.world import build_field, ground_outline
+    from tgl_soar.sim.world import ground_outline, site_field
 
     lines = {}
+    blown = site
     air = None if site is None else site.air
     if site is not None:
         values = ParameterSet()
@@ -176,14 +177,14 @@ def _surroundings(
         )
         air = None
     if named.field is not None and named.field.suffix.lower() == ".toml":
-        of_field = load_site(named.field)
-        air, folder = of_field.air, named.field.parent
+        blown = load_site(named.field)
+        air, folder = blown.air, named.field.parent
         if air is None:
             raise ConfigError(f"{named.field}: no [air] table, so there is no field in it")
     elif named.field is not None:
         wind, air = _grid(named.field), None
-    if air is not None:
-        wind = build_field(air, folder)
+    if blown is not None and air is not None:
+        wind = site_field(blown, folder)
     return (
         Surroundings(
             site="" if site is None else site.site.name,

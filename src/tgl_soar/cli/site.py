@@ -29,7 +29,7 @@ from tgl_soar.cli.console import (
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_site
 from tgl_soar.config.site import Site
-from tgl_soar.sim.world import build_field, wind_misfit_text
+from tgl_soar.sim.world import site_field, wind_misfit_text
 from tgl_soar.types import GlidePolar
 
 site_app = Commands(
@@ -94,7 +94,7 @@ def misfit_(
     """Print how far a site's polynomial wind is from the air that it was fitted to."""
     try:
         place = load_site(site)
-        text = "" if place.air is None else wind_misfit_text(build_field(place.air, site.parent))
+        text = "" if place.air is None else wind_misfit_text(site_field(place, site.parent))
     except ConfigError as error:
         fail(error)
     if not text:
@@ -156,7 +156,7 @@ def contour_toml(
     """
     if site.air is None:
         raise ConfigError(f"site {site.site.name}: no [air] table, so there is no wind to map")
-    field = build_field(site.air, folder)
+    field = site_field(site, folder)
     if text := wind_misfit_text(field):
         hint(text)
     polar = airframe.polar.as_polar()

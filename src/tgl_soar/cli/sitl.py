@@ -258,14 +258,14 @@ def sitl(
 
 def _say_what_flies(options: SitlOptions) -> None:
     """How far the air and the aircraft are from what they stand for, where either is fitted."""
-    from tgl_soar.sim.world import build_field, polar_misfit_text, wind_misfit_text
+    from tgl_soar.sim.world import polar_misfit_text, site_field, wind_misfit_text
 
     try:
         airframe, site = load_airframe(options.airframe), load_site(options.site)
         kind = None if options.model is None else MODEL_OPTIONS[options.model]
         wind = ""
         if isinstance(site.air, PolynomialAir):
-            wind = wind_misfit_text(build_field(site.air, options.site.parent))
+            wind = wind_misfit_text(site_field(site, options.site.parent))
         for words in (wind, polar_misfit_text(airframe.flown_as(kind))):
             if words:
                 say(words)
@@ -432,7 +432,7 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     from tgl_soar.analysis.report.flight_report_figures import Surroundings, plane_figure
     from tgl_soar.analysis.report.legs import ReportLeg
     from tgl_soar.analysis.report.style import drawing, save
-    from tgl_soar.sim.world import build_field, ground_outline
+    from tgl_soar.sim.world import ground_outline, site_field
 
     site = load_site(options.site)
     assert site.air is not None  # it was flown in
@@ -454,7 +454,7 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
         )
     ]
     surroundings = Surroundings(
-        field=build_field(site.air, options.site.parent),
+        field=site_field(site, options.site.parent),
         polar=load_airframe(options.airframe).polar.as_polar(),
         ground=ground_outline(site.air),
     )
@@ -470,7 +470,7 @@ def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
     from tgl_soar.analysis.search.map_from_log import glimpses_of, map_figure
     from tgl_soar.control.search.glimpse import task_of
     from tgl_soar.onboard.setup import laws_of, setup_from
-    from tgl_soar.sim.world import build_field
+    from tgl_soar.sim.world import site_field
 
     airframe, site, values = load_flight(options.airframe, options.site)
     assert site.air is not None  # it was flown in
@@ -481,7 +481,7 @@ def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
     setup = setup_from(airframe, site, values)
     glimpses = glimpses_of(flown, modes[0].time_s, flown.duration_s)
     task = task_of(laws_of(setup, values))
-    if map_figure(path, glimpses, task, site, build_field(site.air, options.site.parent)):
+    if map_figure(path, glimpses, task, site, site_field(site, options.site.parent)):
         say(f"how its map grew: {path}")
 
 

@@ -32,7 +32,7 @@ from tgl_soar.config.files import ConfigError, load_flight
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
-from tgl_soar.sim.world import build_field, ground_outline
+from tgl_soar.sim.world import ground_outline, site_field
 
 
 def zeuc(
@@ -59,7 +59,7 @@ def zeuc(
         loaded, place, values = load_flight(airframe, site)
         if place.air is None:
             raise ConfigError(f"{site}: no [air] table, so there is no wind to map")
-        field = build_field(place.air, site.parent)
+        field = site_field(place, site.parent)
         limits = _numbers(bounds, 4, "--bounds") if bounds else search_bounds(place)
         area: Bounds = (limits[0], limits[1], limits[2], limits[3])
         lines = _lines(line, lean, place, values)

@@ -94,6 +94,7 @@ def load_parameters(
     _check_against_airframe(airframe_path, values, airframe)
     values = _checked_site(site_path, site, values)
     _check_against_airframe(site_path, values, airframe)
+    _check_veer(site_path, values, site)
     for name, line in site.lines.items():
         try:
             values.changed(line_parameters(line))
@@ -164,6 +165,18 @@ def _check_against_airframe(path: str | Path, values: ParameterSet, airframe: Ai
     known, channels = airframe.aerodynamics(), airframe.surfaces.channels()
     if refusal := airframe_refusal(values, channels, known):
         raise ConfigError(f"{path}: parameters.{refusal}")
+
+
+def _check_veer(path: str | Path, values: ParameterSet, site: Site) -> None:
+    oblique_deg, most_deg = site.site.oblique_deg(), values["VEER_MAX"]
+    if abs(oblique_deg) > most_deg:
+        side = "right" if oblique_deg > 0.0 else "left"
+        raise ConfigError(
+            f"{path}: parameters.VEER_MAX = {most_deg:g}: with site.ridge_deg ="
+            f" {site.site.ridge_deg:g} the wind comes from {abs(oblique_deg):g} deg to the {side}"
+            " of straight at the ridge, and the nose must be allowed to follow it: at least as"
+            " much, and room for it to turn"
+        )
 
 
 _LINE_KEYS: Final = {"TGL_X": "x_m", "TGL_Z": "z_m", "TGL_LEAN": "lean_deg"}

@@ -403,9 +403,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="VEER_MAX", unit="deg", minimum=0, maximum=60, default=0,
-        meaning="How far from wind_from_deg of the site the wind may turn, to either side: its"
-                " direction is estimated in flight, and the nose points into it. 0: it is taken to"
-                " blow from there.",
+        meaning="How far the wind may turn, to either side of wind_from_deg of the site or, with"
+                " ridge_deg, of straight off the ridge: its direction is estimated in flight, and"
+                " the nose points into it. 0: it is taken to blow from there.",
     ),
     Parameter(
         name="VEER_T", unit="s", minimum=1, maximum=120, default=6,

@@ -20,6 +20,9 @@ from tgl_soar.geometry import HallFrame, SoaringFrame
 from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground
 
 UPWIND_DEG: Final = 60.0  # as `control.landing` limits it
+# Of the wind to the ridge's normal.  Beyond it hardly any of the wind is lifted, and one beats
+# along the ridge instead, which is no hovering.
+OBLIQUE_DEG: Final = 45.0
 
 
 class Line(Strict, frozen=True):
@@ -66,6 +69,25 @@ class SiteOrigin(Strict, frozen=True):
     origin_east_m: Finite = 0.0
     origin_down_m: Finite = 0.0
     wind_from_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
+    # The direction that the ridge runs in: the frame, and with it the line's plane, then stands
+    # across the ridge, and the wind comes from beside its axis.  None: it stands across the wind.
+    ridge_deg: Annotated[float, Meta(ge=-360, le=360)] | None = None
+
+    def facing_deg(self) -> float:
+        """Where the soaring frame looks to, from north: into the wind or straight off the ridge."""
+        if self.ridge_deg is None:
+            return self.wind_from_deg
+        normal = self.ridge_deg + 90.0
+        ahead = abs(_off_deg(self.wind_from_deg, normal)) <= 90.0
+        return (normal if ahead else normal + 180.0) % 360.0
+
+    def oblique_deg(self) -> float:
+        """How far to the right of there the wind comes from; zero without a ridge."""
+        return _off_deg(self.wind_from_deg, self.facing_deg())
+
+
+def _off_deg(direction_deg: float, from_deg: float) -> float:
+    return (direction_deg - from_deg + 180.0) % 360.0 - 180.0
 
 
 class TurbulenceSettings(Strict, frozen=True):
@@ -328,6 +350,7 @@ class Site(Strict, frozen=True):
             raise ValueError(
                 "position.sources names mocap where there is a [mocap] table, and only there"
             )
+        self._check_ridge()
         if self.landing is not None:
             self._check_bearings(self.landing)
         start, tether = self.start, self.tether
@@ -339,16 +362,31 @@ class Site(Strict, frozen=True):
                     " away from its fixed point"
                 )
 
+    def _check_ridge(self) -> None:
+        ridge, oblique = self.site.ridge_deg, abs(self.site.oblique_deg())
+        if ridge is not None and isinstance(self.air, JetAir):
+            raise ValueError(f"site.ridge_deg = {ridge:g}: a jet has no ridge; leave it out")
+        if oblique > OBLIQUE_DEG:
+            raise ValueError(
+                f"site.ridge_deg = {ridge:g}: the wind from {self.site.wind_from_deg:g} deg blows"
+                f" along it, {oblique:g} deg off straight at it; at most {OBLIQUE_DEG:g} deg"
+            )
+
     def _check_bearings(self, landing: LandingStrip) -> None:
         for name in ("bearing_deg", "escape_deg"):
             bearing = getattr(landing, name)
             if bearing is None:
                 continue
-            off_deg = (bearing - self.site.wind_from_deg + 180.0) % 360.0 - 180.0
-            if abs(off_deg) > UPWIND_DEG:
+            off_deg = abs(_off_deg(bearing, self.site.facing_deg()))
+            if off_deg > UPWIND_DEG:
+                wind, of = (
+                    ("the wind", "wind_from_deg")
+                    if self.site.ridge_deg is None
+                    else ("straight off the ridge", f"{self.site.facing_deg():g} deg")
+                )
                 raise ValueError(
-                    f"landing.{name} = {bearing:g}: {abs(off_deg):g} deg from the wind; it must be"
-                    f" within {UPWIND_DEG:g} deg of wind_from_deg, for nothing else is reached"
+                    f"landing.{name} = {bearing:g}: {off_deg:g} deg from {wind}; it must be"
+                    f" within {UPWIND_DEG:g} deg of {of}, for nothing else is reached"
                     " without a propeller"
                 )
 
@@ -359,7 +397,7 @@ class Site(Strict, frozen=True):
             place.origin_north_m,
             place.origin_east_m,
             place.origin_down_m,
-            radians(place.wind_from_deg),
+            radians(place.facing_deg()),
         )
 
     def known_ground(self) -> Ground:

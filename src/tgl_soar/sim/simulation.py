@@ -26,7 +26,7 @@ from tgl_soar.sim.truth_log import TruthLog
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
 from tgl_soar.sim.vehicle.sensed import Sensed
-from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.world import World, make_world, site_field
 from tgl_soar.types import AttitudeSample, SurfaceCommand, polar_sink
 
 LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
@@ -104,7 +104,7 @@ class SteppedWorld:
         sensors: Sensors,
     ) -> None:
         self.injection = Injection(options.faults, options.seed)
-        field = None if site.air is None else self.injection.field(build_field(site.air, folder))
+        field = None if site.air is None else self.injection.field(site_field(site, folder))
         self.world: World = make_world(
             airframe.flown_as(options.model),
             site,

@@ -46,7 +46,7 @@ from tgl_soar.sim.sitl_processes import (
     prepared,
     site_for,
 )
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.world import site_field
 
 Floats = NDArray[np.float64]
 START_S = 120.0  # for the first datagram: on a busy machine air and module take their time
@@ -131,7 +131,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     truth = _read_truth(truth_file)
     flown = [each for each in operator.flown if not each.leg.surveys]  # it is on no line
     lines = [_line(each.found or each.leg.parameters) for each in flown]
-    field, polar = build_field(site.air, options.site.parent), airframe.polar.as_polar()
+    field, polar = site_field(site, options.site.parent), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
     notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
     flight = SitlFlight(

@@ -40,7 +40,13 @@ from tgl_soar.air.polynomial import (
     fit_polynomial,
     lowest_floor,
 )
-from tgl_soar.air.wind_record import RecordedField, WindRecordError, read_wind_record
+from tgl_soar.air.wind_record import (
+    RecordedField,
+    WindRecordError,
+    read_wind_record,
+    steady_record,
+    turned,
+)
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.site import (
@@ -405,17 +411,27 @@ def _within(outline: Outline, x: float, z: float) -> bool:
 Air = JetAir | HillAir | GridAir | PolynomialAir
 
 
-def build_field(air: Air, folder: Path | None = None) -> WindField:
-    """The wind field of a site's `[air]`; `folder` is that of the site file.
+def site_field(site: Site, folder: Path | None = None) -> WindField:
+    """The wind field of a site, in its soaring frame; `folder` is that of the site file.
 
     Errors: `ConfigError`.
+    """
+    assert site.air is not None
+    return build_field(site.air, folder, radians(site.site.oblique_deg()))
+
+
+def build_field(air: Air, folder: Path | None = None, oblique_rad: float = 0.0) -> WindField:
+    """The wind field of a site's `[air]`; `folder` is that of the site file.
+
+    oblique_rad: how far from the right of the frame's axis the wind comes; the field itself is of a
+    straight ridge along y, which is blown at straight.  Errors: `ConfigError`.
     """
     if isinstance(air, JetAir):
         return SlopeJet(air.wind_mps, radians(air.slope_deg))
     if isinstance(air, HillAir):
-        return _recorded(HillField(air.wind_mps, air.radius_m), air.record, folder)
+        return _blown(HillField(air.wind_mps, air.radius_m), air.record, folder, oblique_rad)
     if isinstance(air, PolynomialAir):
-        return _polynomial_field(air, folder)
+        return _blown(_polynomial_field(air, folder), None, folder, oblique_rad)
     path = Path(air.file) if folder is None else folder / air.file
     try:
         grid = read_grid(
@@ -427,16 +443,20 @@ def build_field(air: Air, folder: Path | None = None) -> WindField:
         )
     except (GridError, ImportError) as error:
         raise ConfigError(f"air.file: {error}") from None
-    return _recorded(grid, air.record, folder)
+    return _blown(grid, air.record, folder, oblique_rad)
 
 
-def _recorded(field: WindField, record: str | None, folder: Path | None) -> WindField:
-    """A steady field in the wind of a record, where there is one."""
-    if record is None:
+def _blown(
+    field: WindField, record: str | None, folder: Path | None, oblique_rad: float
+) -> WindField:
+    """A steady field in the wind of a record, where there is one, and from where it comes."""
+    if record is None and oblique_rad == 0.0:
         return field
+    if record is None:
+        return RecordedField(field, steady_record(field.reference_wind_mps, oblique_rad))
     path = Path(record) if folder is None else folder / record
     try:
-        return RecordedField(field, read_wind_record(path))
+        return RecordedField(field, turned(read_wind_record(path), oblique_rad))
     except WindRecordError as error:
         raise ConfigError(f"air.record: {error}") from None
 
@@ -461,6 +481,8 @@ def _polynomial_field(air: PolynomialAir, folder: Path | None) -> PolynomialFiel
 
 def wind_misfit_text(field: WindField) -> str:
     """How far a polynomial is from the air that it follows; "" for any other field."""
+    if isinstance(field, RecordedField):
+        field = field.field
     if not isinstance(field, PolynomialField) or field.misfit is None:
         return ""
     misfit = field.misfit
@@ -559,7 +581,7 @@ def make_world(
         return World(
             model,
             servo_params(airframe.model),
-            field if field is not None else build_field(site.air, folder),
+            field if field is not None else site_field(site, folder),
             site.frame(),
             site.start,
             seed=seed,

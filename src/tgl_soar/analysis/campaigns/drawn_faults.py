@@ -40,7 +40,7 @@ from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import CATALOGUE, Fault, drawn_fault, parse_fault
 from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, READ_BACK, USUAL_SENSORS, Sensors
-from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.world import World, make_world, site_field
 from tgl_soar.types import SurfaceCommand
 
 DURATION_S: Final = 30.0
@@ -230,7 +230,7 @@ def place() -> CampaignPlace:
     airframe, site, values = load_flight(airframe_path, site_path)
     assert site.air is not None
     values = values.changed({**line_parameters(site.lines[LINE]), **ENVELOPE})
-    return CampaignPlace(airframe, site, values, build_field(site.air, site_path.parent))
+    return CampaignPlace(airframe, site, values, site_field(site, site_path.parent))
 
 
 def world_of(job: FaultJob, injection: Injection, duration_s: float = DURATION_S) -> World:

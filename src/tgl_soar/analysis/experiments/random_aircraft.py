@@ -23,7 +23,7 @@ from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import JetAir, Site
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
-from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.world import World, make_world, site_field
 
 _STREAM: Final = 0xD15  # beside those of sensors and turbulence
 
@@ -132,8 +132,7 @@ def flown_world(
     """
     airframe = flies or known
     if dispersed:
-        assert site.air is not None
-        field = field if field is not None else build_field(site.air)
+        field = field if field is not None else site_field(site)
         airframe, site, field, sensors = mismatched(airframe, site, field, sensors, seed, already)
     return make_world(
         airframe,

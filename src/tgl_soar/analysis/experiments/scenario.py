@@ -69,7 +69,7 @@ from tgl_soar.sim.sensors import (
     PositionParams,
     Sensors,
 )
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.world import build_field, site_field
 from tgl_soar.types import GlidePolar, polar_slope
 
 Seconds = Annotated[float, Meta(ge=0, le=3600)]
@@ -338,7 +338,7 @@ def _prepare(text: bytes) -> PreparedScenario:
 def _field(scenario: Scenario, site: Site) -> WindField:
     air = site.air
     assert air is not None
-    field = build_field(air, None if scenario.site is None else Path(scenario.site).parent)
+    field = site_field(site, None if scenario.site is None else Path(scenario.site).parent)
     if scenario.slope is not None:
         if not isinstance(air, JetAir):
             raise ConfigError("slope: only the board in a jet has a slope that changes")

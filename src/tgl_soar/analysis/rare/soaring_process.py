@@ -49,7 +49,7 @@ from tgl_soar.sim.compiled_flight import (
 )
 from tgl_soar.sim.flight import FLIES, Flight, Row
 from tgl_soar.sim.sensors import Sensors
-from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.world import World, make_world, site_field
 
 LOOK_S: Final = 0.1  # between two looks at the margin: a third of the short period's time
 LAST_S: Final = 5.0  # of a flight that is lost, shown
@@ -97,7 +97,7 @@ class SoaringProcess:
         self.case = case
         site, values = case.site, case.values
         assert site.air is not None
-        field = build_field(site.air, case.folder)
+        field = site_field(site, case.folder)
         self.laws: Laws = laws_from(
             values, site.frame(), case.airframe.aerodynamics(), site.known_ground()
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, degrees, radians, sin
+from math import cos, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.report.style import GROUND, LEG_COLOURS, drawing, save
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, draw_excess_map, draw_line
-from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft
+from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft, blown
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import GlidePolar
@@ -39,7 +39,7 @@ def map_figure(path: Path, draft: SiteDraft, title: str) -> None:
         lines = axes.contour(east, north, height, levels=12, colors=GROUND, linewidths=0.6)
         axes.clabel(lines, fmt="%.0f m", fontsize=7)
         axes.plot(*_on_map(draft, [-reach, reach], [0.0, 0.0]), color="black", lw=1.4,
-                  label="profile, along the wind")  # fmt: skip
+                  label="profile, across the ridge")  # fmt: skip
         ridge = radians(draft.ridge_deg)
         along = np.array([-reach, reach])
         crest_east, crest_north = frame.origin_east_m, frame.origin_north_m
@@ -48,12 +48,17 @@ def map_figure(path: Path, draft: SiteDraft, title: str) -> None:
         x0, x1, y = draft.bounds[0], draft.bounds[1], draft.half_width_m
         box = _on_map(draft, [x0, x1, x1, x0, x0], [-y, -y, y, y, -y])
         axes.plot(*box, color=LEG_COLOURS[0], lw=1.6, label="fence")
-        wind = _on_map(draft, [-0.98 * reach, -0.72 * reach], [0.0, 0.0])
+        beside = tan(radians(draft.oblique_deg))  # y of where the wind comes from, for each -x
+        wind = _on_map(
+            draft,
+            [-0.9 * reach, -0.65 * reach],
+            [0.9 * reach * beside, 0.65 * reach * beside],
+        )
         arrow = {"width": 4, "headwidth": 12, "color": LEG_COLOURS[1]}
         (tail_east, head_east), (tail_north, head_north) = wind
         axes.annotate("", (head_east, head_north), (tail_east, tail_north), arrowprops=arrow)
         axes.fill([], [], color=LEG_COLOURS[1],
-                  label=f"wind from {degrees(frame.wind_from_rad):.0f}°")  # fmt: skip
+                  label=f"wind from {draft.wind_from_deg:.0f}°")  # fmt: skip
         axes.plot(0.0, 0.0, "s", ms=8, mfc="white", mec="black", label="home")
         axes.plot(frame.origin_east_m, frame.origin_north_m, "+", ms=12, mew=2, color="black",
                   label="origin, on the crest")  # fmt: skip
@@ -93,7 +98,7 @@ def plane_figure(path: Path, draft: SiteDraft, polar: GlidePolar, title: str) ->
         figure, axes = plt.subplots(figsize=(8.0, 6.0), layout="constrained")
         area = (x0 - pad, x1 + pad, z0 - pad, z1 + pad)
         shades = draw_excess_map(
-            axes, draft.field, polar, area, outline,
+            axes, blown(draft.field, radians(draft.oblique_deg)), polar, area, outline,
             contour_style={"label": "contour, A GUESS by potential flow"},
         )  # fmt: skip
         figure.colorbar(shades, ax=axes, label="excess updraft w − sink(u) [m/s]", shrink=0.8)

@@ -1,11 +1,12 @@
 """A first idea of a site: the slope that faces the wind, where to fly before it, and where not.
 
-The soaring frame is put on the crest: x downstream, z up from there.  Its vertical plane at y = 0
-is the profile that the wind is worked out over; [ground] is the highest of the strip to either side
-of it that the fence allows.
+The soaring frame is put on the crest: x downstream and across the ridge, z up from there.  Its
+vertical plane at y = 0 is the profile that the wind is worked out over; [ground] is the highest of
+the strip to either side of it that the fence allows.
 
-The wind is potential flow over that profile (`air.panels`): no friction, no wake, no valley wind,
-nothing along the ridge.  It is a guess to begin from, and says so wherever it is written.
+The part of the wind that blows across the ridge is potential flow over that profile (`air.panels`);
+the part along the ridge is left as it is.  No friction, no wake, no valley wind: it is a guess to
+begin from, and says so wherever it is written.
 
 At the ground such a flow follows the slope, so w / u is the slope there: a slope flatter than the
 best glide of the airframe carries nobody, and is called none.
@@ -14,27 +15,25 @@ best glide of the airframe carries nobody, and is called none.
 from __future__ import annotations
 
 from itertools import pairwise
-from math import ceil, degrees, floor, hypot, inf, radians
+from math import ceil, cos, degrees, floor, hypot, inf, radians
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from tgl_soar.air.field import FloatArray
+from tgl_soar.air.field import FloatArray, WindField
 from tgl_soar.air.grid import GridField
 from tgl_soar.air.panels import PanelField
+from tgl_soar.air.wind_record import RecordedField, steady_record
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, stable_crossing
 from tgl_soar.analysis.terrain.elevation import LocalTerrain
 from tgl_soar.analysis.terrain.profile import ReducedProfile, reduced
-from tgl_soar.config.site import GroundProfile
+from tgl_soar.config.site import OBLIQUE_DEG, GroundProfile, SiteOrigin
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.geometry import SoaringFrame, ned_from_soaring, wrap_angle
 from tgl_soar.types import GlidePolar
 
-# Pitch acts across the ridge by the cosine of the wind's angle to its normal; beyond 45° one beats
-# along the ridge instead, which is no hovering.
-OBLIQUE_DEG: Final = 45.0
 LEAN_DEG: Final = 15.0  # the default of TGL_LEAN
 CREST_FRACTION: Final = 0.25  # of the reach: so far from the given place the crest is looked for
 SAMPLES: Final = 200  # of a profile, at most: the panels' matrix and the reduction grow with them
@@ -66,6 +65,8 @@ class SiteDraft(NamedTuple):
     terrain: LocalTerrain
     frame: SoaringFrame
     ridge_deg: float
+    wind_from_deg: float
+    oblique_deg: float  # to the right of straight at the ridge
     wind_mps: float
     x_m: FloatArray  # the profile at y = 0
     z_m: FloatArray
@@ -86,7 +87,9 @@ def draft(terrain: LocalTerrain, request: Request, polar: GlidePolar) -> SiteDra
     Errors: `DraftError`; `ElevationError` where heights are missing.
     """
     wind_from = _wind_from(terrain, request)
-    frame, steepest = _crest(terrain, wind_from, request.reach_m, polar)
+    place = SiteOrigin(name="", wind_from_deg=wind_from, ridge_deg=request.ridge_deg)
+    oblique = radians(place.oblique_deg())
+    frame, steepest = _crest(terrain, place, request.reach_m, polar)
     spacing = max(0.5 * terrain.elevation.spacing_m, 2.0 * request.reach_m / SAMPLES)
     half = max(10, round(request.reach_m / spacing))
     x = np.linspace(-request.reach_m, request.reach_m, 2 * half + 1)
@@ -94,15 +97,17 @@ def draft(terrain: LocalTerrain, request: Request, polar: GlidePolar) -> SiteDra
     heights = heights_m(terrain, frame, *np.meshgrid(x, strips, indexing="ij"))
     z = heights[:, STRIPS // 2]
     flow = PanelField(x, z, request.wind_mps)
-    bounds = _fence(flow, polar, request, x, z)
+    bounds = _fence(flow, oblique, polar, request, x, z)
     near = (x >= bounds[0] - spacing) & (x <= bounds[1] + 0.25 * (bounds[1] - bounds[0]))
     ground = reduced(x[near], heights[near].max(axis=1))
     field = _written_field(flow, bounds, spacing)
-    found, lines = _lines(field, polar, bounds, ground, request)
+    found, lines = _lines(blown(field, oblique), polar, bounds, ground, request)
     return SiteDraft(
         terrain=terrain,
         frame=frame,
         ridge_deg=request.ridge_deg,
+        wind_from_deg=wind_from,
+        oblique_deg=place.oblique_deg(),
         wind_mps=request.wind_mps,
         x_m=x,
         z_m=z,
@@ -162,10 +167,10 @@ def _wind_from(terrain: LocalTerrain, request: Request) -> float:
 
 
 def _crest(
-    terrain: LocalTerrain, wind_from_deg: float, reach_m: float, polar: GlidePolar
+    terrain: LocalTerrain, place: SiteOrigin, reach_m: float, polar: GlidePolar
 ) -> tuple[SoaringFrame, float]:
     """The frame on the crest near the home, and the steepest slope before it [deg]."""
-    home = SoaringFrame(0.0, 0.0, 0.0, radians(wind_from_deg))
+    home = SoaringFrame(0.0, 0.0, 0.0, radians(place.facing_deg()))
     look = CREST_FRACTION * reach_m
     step = min(0.5 * terrain.elevation.spacing_m, look / 20.0)
     x = np.linspace(-look, look, 2 * ceil(look / step) + 1)
@@ -179,18 +184,31 @@ def _crest(
     # Over two posts of the model: one step of a metre between neighbours is no slope.
     apart = max(1, round(2.0 * terrain.elevation.spacing_m / (x[1] - x[0])))
     steepest = float((z[apart:] - z[:-apart]).max()) / (apart * float(x[1] - x[0]))
-    least = best_glide_slope(polar)
+    # Of an oblique wind only the part across the ridge follows the slope.
+    least = best_glide_slope(polar) / cos(radians(place.oblique_deg()))
     if steepest < least:
         raise DraftError(
-            f"no slope within {reach_m:g} m that faces a wind from {wind_from_deg:.0f}°: the"
+            f"no slope within {reach_m:g} m that faces a wind from {place.wind_from_deg:.0f}°: the"
             f" steepest is {degrees(np.arctan(max(0.0, steepest))):.1f}°, and air that follows it"
             f" carries this airframe from {degrees(np.arctan(least)):.1f}° on (its best glide)"
         )
     return frame._replace(origin_down_m=-float(z[-1])), degrees(np.arctan(steepest))
 
 
+def blown(field: WindField, oblique_rad: float) -> WindField:
+    """The field in its wind from so far to the right of straight at the ridge."""
+    if oblique_rad == 0.0:
+        return field
+    return RecordedField(field, steady_record(field.reference_wind_mps, oblique_rad))
+
+
 def _fence(
-    flow: PanelField, polar: GlidePolar, request: Request, x: FloatArray, z: FloatArray
+    flow: PanelField,
+    oblique_rad: float,
+    polar: GlidePolar,
+    request: Request,
+    x: FloatArray,
+    z: FloatArray,
 ) -> Bounds:
     """Where there is lift enough for the least sink, up to the crest and the ceiling."""
     speed = np.linspace(polar.speed_min_mps, polar.speed_max_mps, 201)
@@ -198,7 +216,7 @@ def _fence(
     across = np.linspace(x[0], 0.0, 81)
     up = np.linspace(float(z[x <= 0.0].min()), request.ceiling_m, 61)
     xx, zz = np.meshgrid(across, up, indexing="ij")
-    _, _, w = flow.wind(xx, 0.0, zz)
+    _, _, w = blown(flow, oblique_rad).wind(xx, 0.0, zz)
     lift = (w >= least) & (zz - flow.ground_m(xx) >= request.clearance_m)
     if not lift.any():
         raise DraftError(
@@ -229,7 +247,7 @@ def _written_field(flow: PanelField, bounds: Bounds, spacing_m: float) -> GridFi
 
 
 def _lines(
-    field: GridField, polar: GlidePolar, bounds: Bounds, ground: ReducedProfile, request: Request
+    field: WindField, polar: GlidePolar, bounds: Bounds, ground: ReducedProfile, request: Request
 ) -> tuple[list[FloatArray], dict[str, tuple[float, float]]]:
     """The contour within the fence, and three lines on it; a is the one farthest upwind."""
     step = (bounds[1] - bounds[0]) / 160.0

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from math import ceil, degrees
+from math import ceil
 from pathlib import Path
 from typing import Final
 
 from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft, farthest
+from tgl_soar.config.parameters import INDEX, PARAMETERS
 from tgl_soar.geometry import ned_from_soaring
 
 GRID_FILE: Final = "air.npz"
+VEER_ROOM_DEG: Final = 20.0  # how far a steady wind turns in an afternoon
 
 _TEXT: Final = """\
 # A first draft, by `tgl-soar site init` from {model}.
@@ -18,8 +20,8 @@ _TEXT: Final = """\
 # built since. Wind and contour: A GUESS, potential flow over that ground, which knows no friction,
 # no wake and no valley. Walk the place, look at map.png and plane.png, and correct this file.
 #
-# Origin of the soaring frame: the crest; x downstream, z up from there. The slope is {steepest:.0f}
-# degrees at its steepest, the ridge runs along {ridge:g} degrees.
+# Origin of the soaring frame: the crest; x downstream and across the ridge, z up from there. The
+# slope is {steepest:.0f} degrees at its steepest.
 {landing}
 [site]
 name = {name}
@@ -27,6 +29,7 @@ origin_north_m = {north:.2f}
 origin_east_m = {east:.2f}
 origin_down_m = {down:.2f}
 wind_from_deg = {wind_from:g}
+ridge_deg = {ridge:g}
 
 # The place that was named, at the model's height of its ground: put here what the autopilot
 # reports when it stands there, or all heights are off by the difference.
@@ -34,7 +37,7 @@ wind_from_deg = {wind_from:g}
 sources = ["global_position"]
 {home}
 
-# A GUESS: potential flow over the profile along the wind, as the simulation blows it.
+# A GUESS: potential flow over the profile across the ridge, as the simulation blows it.
 [air]
 kind = "grid"
 file = "{grid}"
@@ -73,6 +76,12 @@ FENCE_X_MAX = {bounds[1]:.1f}
 FENCE_Y_MAX = {half_width:.1f}
 FENCE_Z_MIN = {bounds[2]:.1f}
 FENCE_Z_MAX = {bounds[3]:.1f}
+{veer}"""
+
+_VEER: Final = """\
+# The wind comes from {oblique:.0f} degrees to the {side} of straight at the ridge; the nose follows
+# it there, and {room:.0f} degrees further as it turns.
+VEER_MAX = {most:.0f}
 """
 
 CONTOUR_WARNING: Final = """
@@ -94,7 +103,7 @@ def site_text(draft: SiteDraft, name: str) -> str:
         north=frame.origin_north_m,
         east=frame.origin_east_m,
         down=frame.origin_down_m,
-        wind_from=round(degrees(frame.wind_from_rad), 1),
+        wind_from=round(draft.wind_from_deg, 1),
         home=f"home = {{ latitude_deg = {home.latitude_deg:.7f}, longitude_deg ="
         f" {home.longitude_deg:.7f}, altitude_m = {home.altitude_m:.2f} }}",
         grid=GRID_FILE,
@@ -110,6 +119,21 @@ def site_text(draft: SiteDraft, name: str) -> str:
         clearance=draft.clearance_m,
         bounds=draft.bounds,
         half_width=draft.half_width_m,
+        veer=_veer(draft.oblique_deg),
+    )
+
+
+def _veer(oblique_deg: float) -> str:
+    """What an oblique wind needs; "" for one that blows straight at the ridge."""
+    if round(oblique_deg, 1) == 0.0:
+        return ""
+    oblique = abs(oblique_deg)
+    most = min(PARAMETERS[INDEX["VEER_MAX"]].maximum, ceil(oblique) + VEER_ROOM_DEG)
+    return _VEER.format(
+        oblique=oblique,
+        side="right" if oblique_deg > 0.0 else "left",
+        room=most - oblique,
+        most=most,
     )
 
 

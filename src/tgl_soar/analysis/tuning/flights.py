@@ -46,7 +46,7 @@ from tgl_soar.sim.compiled_flight import (
     fly_compiled,
     prepare,
 )
-from tgl_soar.sim.world import World, build_field, make_world
+from tgl_soar.sim.world import World, make_world, site_field
 from tgl_soar.types import SurfaceCommand, polar_sink
 
 DURATION_S: Final = 30.0
@@ -326,7 +326,7 @@ def _place(site_path: Path) -> tuple[Site, WindField]:
     site = load_site(site_path)
     if site.air is None:
         raise ValueError(f"{site_path}: no [air] to fly in: name another --site, or --flights 0")
-    return site, build_field(site.air, site_path.parent)
+    return site, site_field(site, site_path.parent)
 
 
 class Outcomes(NamedTuple):

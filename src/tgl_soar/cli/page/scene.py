@@ -28,7 +28,7 @@ from tgl_soar.estimation.aerodynamics import braked
 from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.setup import bounds_from
 from tgl_soar.onboard.telemetry_values import HELD_BACK
-from tgl_soar.sim.world import build_field, ground_outline
+from tgl_soar.sim.world import ground_outline, site_field
 from tgl_soar.types import GlidePolar, Ground
 
 CELLS: Final = 72  # of the map, along its longer side
@@ -58,7 +58,7 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
     known = site.contour_for(airframe.airframe.name)
     ground = site.known_ground()
     polar = airframe.polar.as_polar()
-    field = None if site.air is None else build_field(site.air, folder)
+    field = None if site.air is None else site_field(site, folder)
     view = _view(site, values, known)
     outline = None if site.air is None else ground_outline(site.air)
     parts: list[Any] = [list(part) for part in known]
