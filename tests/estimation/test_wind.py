@@ -324,6 +324,27 @@ def test_a_blocked_pitot_is_refused() -> None:
     assert state.refused > 100
 
 
+@pytest.mark.parametrize("late_s", [0.4, 0.6, 3.0, nan])
+def test_a_pitot_s_sample_that_comes_late_is_of_other_air(late_s: float) -> None:
+    """Half a second at most: in a wind's own gusts, of 5 m, the next half second is another."""
+    glide = Glide(9.0, (8.5, 0.0, 1.4))
+    *_, (state, _) = glide.measured(4.0, imu=True, pitot=False)
+    now = 4.0 + DT
+    speed = AirspeedSample(1, now - late_s, glide.truth.airspeed_mps + 1.0)
+    force = imu_of(glide.state, glide.air, 801, now)
+    after = [
+        wind_step(PARAMS, state, vehicle_of(glide.state, now), inputs_at(now, force, each),
+                  SURE, glide.elevator, True)
+        for each in (NO_AIRSPEED, speed)
+    ]  # fmt: skip
+    (_, without), (with_it, air) = after
+    taken = late_s < 0.5
+    assert (air.airspeed_mps > without.airspeed_mps + 0.01) == taken
+    assert air.measured == taken
+    assert with_it.airspeed_sequence == 1, "it is not looked at again"
+    assert with_it.refused == state.refused, "what is late is not wrong"
+
+
 def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
     """20 spikes of 40 g that the estimator of motion has refused; averaged they stay for BIAS_S."""
     glide = Glide(9.0, (8.5, 0.0, 1.4))

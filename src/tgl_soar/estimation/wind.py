@@ -228,7 +228,9 @@ def wind_step(
     if usable and dt > 0.0 and isfinite(elevator):
         posterior = _take_trim(aero, posterior, frame, vehicle.pitch_rate_radps, elevator, dt)
 
-    if usable and pitot.sequence != state.airspeed_sequence and isfinite(pitot.airspeed_mps):
+    late = not now - pitot.time_s <= PITOT_AGE_MAX_S  # it has waited somewhere: of other air
+    new = pitot.sequence != state.airspeed_sequence and not late
+    if usable and new and isfinite(pitot.airspeed_mps):
         posterior, taken = _take_pitot(posterior, frame, pitot.airspeed_mps)
         if taken:
             pitot_time = now
