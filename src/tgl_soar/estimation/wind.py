@@ -78,7 +78,7 @@ UNSTEADY_X_MPS2: Final = 0.25
 UNSTEADY_Z_MPS2: Final = 1.3
 UNSTEADY_S: Final = 0.1
 FORCE_AGE_MAX_S: Final = 0.1
-PITOT_AGE_MAX_S: Final = 0.5
+PITOT_AGE_MAX_S: Final = 0.5  # what comes later is of other air
 FIRST_GUESS_MPS: Final = 4.0
 GATE: Final = 5.0  # standard deviations beyond which a measurement is refused
 RESTART_S: Final = 1.0  # after a gap of this length nothing is known any more
@@ -228,8 +228,7 @@ def wind_step(
     if usable and dt > 0.0 and isfinite(elevator):
         posterior = _take_trim(aero, posterior, frame, vehicle.pitch_rate_radps, elevator, dt)
 
-    late = not now - pitot.time_s <= PITOT_AGE_MAX_S  # it has waited somewhere: of other air
-    new = pitot.sequence != state.airspeed_sequence and not late
+    new = pitot.sequence != state.airspeed_sequence and now - pitot.time_s <= PITOT_AGE_MAX_S
     if usable and new and isfinite(pitot.airspeed_mps):
         posterior, taken = _take_pitot(posterior, frame, pitot.airspeed_mps)
         if taken:
