@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from drawn_again import shows_what_it_showed  # noqa: F401 - a fixture
 from hypothesis import settings
+from installed_wheel import Installed, install
 from slow_tests import PARTS, chosen, part_of
-from wheel import Installed, install
 
 from tgl_soar.onboard import native
 
@@ -40,10 +40,10 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
     # They need real time: beside one another they would take it from each other.
     "real time": (
         "cli/test_preflight_command.py", "cli/test_surfaces_command.py", "docs/test_readme.py",
-        "onboard/test_guard.py", "onboard/test_realtime.py", "onboard/test_run_process.py",
-        "onboard/test_signed_restart.py", "onboard/test_stored_parameters.py",
-        "peers/test_mavproxy.py", "peers/test_mavsdk.py", "sim/test_bridge_process.py",
-        "sim/test_motive.py", "sim/test_sitl.py",
+        "onboard/test_realtime.py", "onboard/test_run_process.py", "onboard/test_signed_restart.py",
+        "onboard/test_stored_parameters.py", "onboard/test_watchdog.py", "peers/test_mavproxy.py",
+        "peers/test_mavsdk.py", "sim/bridge/test_bridge_process.py", "sim/test_motive.py",
+        "sim/test_sitl.py",
     ),
     # They compile the same kernels, which takes minutes: once is enough.  What one worker has
     # compiled of one kernel serves the next; another worker would begin at the beginning.
@@ -53,7 +53,7 @@ ONE_WORKER: dict[str, tuple[str, ...]] = {
         "benchmarks/test_batch.py", "sim/test_compiled.py", "sim/test_kernel_cache.py",
     ),
     # They go through all conditions of each mode: thirty million of some.
-    "the walk": ("control/test_reported_faults.py", "control/test_supervisor.py"),
+    "the walk": ("control/test_stream_conditions.py", "control/test_supervisor.py"),
     # They read the logs of one flight, which is flown and written once.
     "one flight": (
         "analysis/logs/test_bad_logs.py", "analysis/logs/test_open_log.py",

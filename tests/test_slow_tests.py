@@ -42,7 +42,7 @@ def test_what_is_not_asked_for_is_left_out() -> None:
     """By the very hook of all tests, in a run that only lists them."""
     files = {
         "quick": "tests/control/test_pid.py",
-        "laws": "tests/sim/test_bridge.py",
+        "laws": "tests/sim/bridge/test_bridge.py",
         "people": "tests/cli/test_help.py",
     }
     command = [sys.executable, "-m", "pytest", "--collect-only", "--later", "laws", *files.values()]

@@ -18,7 +18,7 @@ PACKAGE = "tgl_soar"
 # experiments conclude, of flights that nobody flew, and what is sent over the wire, likewise.
 FLIGHTS = Path("tests/sim/test_kept_flights.py")
 KEPT = (
-    Path("tests/analysis/experiments/test_concluded.py"),
+    Path("tests/analysis/experiments/test_conclusions.py"),
     Path("tests/onboard/test_kept_wire.py"),
     FLIGHTS,
 )

@@ -32,7 +32,7 @@ def _in(folder: str, *names: str) -> tuple[str, ...]:
 # Tests that show the same whenever they are run: nothing in them is of the clock.
 FILES: Final = (
     *_in("campaigns", "campaign_report", "safety_timeline"),
-    *_in("experiments", "concluded", "verdicts"),
+    *_in("experiments", "conclusions", "verdicts"),
     *_in("experiments/aircraft", "airframes", "dispersed", "unseen"),
     *_in("experiments/estimates", "estimator_experiment", "incidence", "wind_estimate", "wind_use"),
     *_in("experiments/lift", "forecast_experiment", "lift_map_experiment", "nowhere"),

@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 from free_ports import free_port
+from installed_wheel import Installed
 from typer.testing import CliRunner
-from wheel import Installed
 
 from tgl_soar.cli import init, service_unit
 from tgl_soar.cli.app import app

@@ -28,8 +28,8 @@ from typing import Any, Final
 import pictures
 import pytest
 from free_ports import free_port
+from installed_wheel import Installed
 from peers_scene import Scene
-from wheel import Installed
 
 from tgl_soar.cli.sitl import newest_log
 from tgl_soar.config.files import manual

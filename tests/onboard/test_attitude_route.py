@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import CHANNELS, Flight, setup, texts
+from test_module import CHANNELS, Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, READY, is_flying
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, texts
+from test_module import Flight, texts
 
 from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 

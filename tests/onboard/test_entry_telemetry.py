@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight
+from test_module import Flight
 
 from tgl_soar.control.envelope import Margins
 from tgl_soar.control.supervisor import POSITION_FRESH, READY, UPRIGHT

@@ -6,7 +6,7 @@ from math import degrees
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, texts
+from test_module import Flight, texts
 
 from tgl_soar.control.excitation import RUNNING, WHOLE_S
 from tgl_soar.control.supervisor import SOARING

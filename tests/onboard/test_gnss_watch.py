@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, setup, texts
+from test_module import Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.autopilots.requirements import Needs

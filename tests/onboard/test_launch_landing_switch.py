@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, texts
+from test_module import Flight, texts
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.site import HomePosition, PositionSettings

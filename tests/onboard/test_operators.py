@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, setup, simulator, texts
+from test_module import Flight, setup, simulator, texts
 
 from tgl_soar.control.supervisor import CAPTURING, READY, SOARING, STANDBY
 from tgl_soar.estimation.health import ATTITUDE_SHIFT, DISARMED, WRONG

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import STEP_S, Flight, setup
+from test_module import STEP_S, Flight, setup
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.decoder import FALSE_TRIES_MAX, MESSAGE_TRIES

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from module_process import arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import STEP_S, Flight, texts
+from test_module import STEP_S, Flight, texts
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.onboard import loop, process

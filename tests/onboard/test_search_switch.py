@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_onboard import Flight, setup, texts
+from test_module import Flight, setup, texts
 
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.control.forecast import TOO_LOW as SINKS

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import STEP_S, Flight, setup, texts
+from test_module import STEP_S, Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.transport import open_link

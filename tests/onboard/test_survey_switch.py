@@ -6,7 +6,7 @@ import re
 from math import inf, radians, tan
 
 import pytest
-from test_onboard import Flight, setup, texts
+from test_module import Flight, setup, texts
 from test_search_switch import AERODYNAMICS, ReportedSearch
 
 from tgl_soar.autopilot import Output

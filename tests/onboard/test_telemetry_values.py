@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import degrees, isnan, radians
 
 import pytest
-from test_onboard import Flight
+from test_module import Flight
 
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.onboard.telemetry_values import ARRAY, float_array, wind_cov

@@ -8,9 +8,9 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from installed_wheel import build
 from peers_scene import SITE, BadRadio, Scene
 from test_mavproxy import PROGRAM, MavProxy
-from wheel import build
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="MAVProxy is not installed")
 

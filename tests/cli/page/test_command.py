@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from installed_wheel import Installed
 from typer.testing import CliRunner
-from wheel import Installed
 
 from tgl_soar.cli.app import app
 

@@ -24,7 +24,7 @@ from tgl_soar.sim.firmware.sensors import (
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.types import SurfaceCommand
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[3] / "config"
 STEP_HZ = 250
 HILL = HomePosition(latitude_deg=-33.0, longitude_deg=151.0, altitude_m=420.0)
 

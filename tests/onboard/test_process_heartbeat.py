@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_onboard import CHANNELS, Flight, setup
+from test_module import CHANNELS, Flight, setup
 
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.messages import Source

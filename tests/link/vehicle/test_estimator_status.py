@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_session_sensors import AUTOPILOT, BRIDGE, STRANGER, hear, session
+from test_sensor_samples import AUTOPILOT, BRIDGE, STRANGER, hear, session
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.px4 import Px4

@@ -186,7 +186,7 @@ def test_who_is_missing_is_named(tmp_path: Path) -> None:
 
 
 def test_the_tool_is_the_same_program() -> None:
-    tool = Path(__file__).parents[2] / "tools" / "sitl_bridge.py"
+    tool = Path(__file__).parents[3] / "tools" / "sitl_bridge.py"
     if not tool.exists():
         pytest.skip("tools/ is not part of an installed package")
     done = run_bridge(sys.executable, os.fspath(tool), "--help")

@@ -241,7 +241,7 @@ def test_names_are_as_long_as_the_protocol_carries(firmware: str) -> None:
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
 def test_the_hardware_page_names_every_parameter(firmware: str) -> None:
     """Of channels it names one, and the others by their numbers."""
-    page = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
+    page = (Path(__file__).parents[3] / "docs" / "hardware.md").read_text()
     for route in (None, "attitude", "manual_control" if firmware == "px4" else "override"):
         for needs in (HALL, HILL):
             for row in flavour(firmware, route, CHANNELS, 1).requirements(needs):

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight
+from test_module import Flight
 from test_operators import Station, kinds
 
 from tgl_soar.link.component_metadata import GENERAL, checksum_of, metadata_files

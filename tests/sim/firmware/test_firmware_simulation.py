@@ -23,7 +23,7 @@ from tgl_soar.sim.firmware.simulation import (
 from tgl_soar.sim.simulation import Options, TimedSetting
 from tgl_soar.types import SurfaceCommand
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[3] / "config"
 STEP_HZ = 250
 MANUAL, OBEYS = 7, 42
 GROUND, COMPANION = 1, 2

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ONE_WORKER, once_for_all, turn
-from wheel import Installed
+from installed_wheel import Installed
 
 
 def test_it_is_made_once_while_the_others_wait(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_onboard import Flight, setup, texts
+from test_module import Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, READY, is_flying
 from tgl_soar.link.presence import ALONE_S

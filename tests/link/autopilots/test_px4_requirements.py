@@ -12,7 +12,7 @@ from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, remedy
 from tgl_soar.sim.firmware.px4 import flight_parameters
 
-AIRFRAME = load_airframe(Path(__file__).parents[2] / "config/airframes/eclipson_c.toml")
+AIRFRAME = load_airframe(Path(__file__).parents[3] / "config/airframes/eclipson_c.toml")
 CHANNELS = SurfaceChannels(
     elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
     aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
