@@ -156,7 +156,7 @@ def test_a_payload_reads_as_pymavlink_reads_it(number: int, data: st.DataObject)
 def test_a_corrupted_frame_is_no_message(number: int, data: st.DataObject) -> None:
     size = mavlink.mavlink_map[number].unpacker.size
     frame = bytearray(framed(number, data.draw(st.binary(min_size=size, max_size=size))))
-    at = data.draw(st.integers(2, len(frame) - 1), label="at")  # not its length: see test_codec
+    at = data.draw(st.integers(2, len(frame) - 1), label="at")  # not its length: see test_decoder
     frame[at] ^= 1 << data.draw(st.integers(0, 7), label="bit")
     assert Decoder(stream=False).feed(bytes(frame)) == []
     assert not is_readable(frame)

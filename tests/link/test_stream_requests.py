@@ -17,7 +17,7 @@ from tgl_soar.link.messages import (
     RESULT_TEMPORARILY_REJECTED,
     RESULT_UNSUPPORTED,
 )
-from tgl_soar.link.stream_requests import RequestedStream, StreamRequests
+from tgl_soar.link.stream_requests import LOWER_RATES_HZ, RequestedStream, StreamRequests
 
 
 def asked(requests: StreamRequests, now_s: float) -> tuple[float, float] | None:
@@ -191,3 +191,9 @@ def test_an_autopilot_that_has_restarted_is_asked_for_all_of_it_again() -> None:
     requests.acknowledged(RESULT_ACCEPTED, 10.2)
     assert asked(requests, 10.2) == (31.0, 20000.0)
     assert len(requests.all_wanted()) == 2
+
+
+def test_the_next_lower_rate_is_no_less_than_two_fifths() -> None:
+    """An autopilot that would give 10 Hz of 20 is not left with 5."""
+    assert all(0.4 <= lower / higher < 1.0 for higher, lower in pairwise(LOWER_RATES_HZ))
+    assert (LOWER_RATES_HZ[0], LOWER_RATES_HZ[-1]) == (160.0, 1.0)

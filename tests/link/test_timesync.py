@@ -1,4 +1,4 @@
-"""A queue on the autopilot's link, which arrivals alone cannot tell from another clock."""
+"""The round trip, and a queue on the autopilot's link: by arrivals alone it is another clock."""
 
 from collections.abc import Callable
 from heapq import heapify, heappop, heappush
@@ -144,3 +144,33 @@ def test_one_slow_answer_is_no_queue() -> None:
     assert trip.queue_s == pytest.approx(0.4 - 0.01 - SLACK_S)
     trip.restart()
     assert trip.queue_s == 0.0
+
+
+def test_the_round_trip_and_the_offset_are_measured() -> None:
+    trip = RoundTrip()
+    offset_s = 1234.5
+    for i in range(20):
+        now_s = 100.0 + i
+        question = trip.poll(now_s)
+        assert question is not None
+        assert trip.poll(now_s + 0.5) is None
+        out_s, back_s = (0.010, 0.010) if i == 15 else (0.010, 0.050)
+        there_ns = round((now_s + out_s + offset_s) * 1e9)
+        trip.take(Timesync(there_ns, question.ts1), now_s + out_s + back_s)
+    assert trip.round_trip_s == pytest.approx(0.060, abs=1e-6)
+    assert trip.offset_s == pytest.approx(offset_s, abs=1e-6)  # by the quickest answer
+    assert (trip.asked, trip.answered) == (20, 20)
+
+
+def test_answers_to_others_and_answers_twice_say_nothing() -> None:
+    trip = RoundTrip()
+    question = trip.poll(10.0)
+    assert question is not None
+    trip.take(Timesync(5, question.ts1 + 1), 10.1)
+    assert trip.answered == 0
+    trip.take(Timesync(5, question.ts1), 10.1)
+    trip.take(Timesync(5, question.ts1), 99.0)
+    assert trip.answered == 1
+    assert trip.round_trip_s == pytest.approx(0.1)
+    trip.restart()
+    assert trip.round_trip_s != trip.round_trip_s

@@ -7,13 +7,22 @@ that is another one, shows on the day on which the radio is lost.
 
 from __future__ import annotations
 
+from math import inf, nan
 from typing import NamedTuple
 
 import pytest
 
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels, ThrottleChannel
-from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Needs, Requirement, compare
+from tgl_soar.link.autopilots.requirements import (
+    MUST,
+    RELATIONS,
+    SHOULD,
+    Needs,
+    Requirement,
+    compare,
+    remedy,
+)
 
 CHANNELS = SurfaceChannels(
     elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1510, pwm_max=1900),
@@ -248,3 +257,40 @@ def test_a_faster_loop_of_ours_asks_for_a_faster_one_of_arduplane() -> None:
 def test_a_number_that_came_as_a_32_bit_float_is_the_number() -> None:
     assert complaints("ardupilot", "override", HALL, "RC_OVERRIDE_TIME", 0.10000000149) == set()
     assert complaints("ardupilot", "override", HALL, "FS_SHORT_ACTN", 2.001) == {MUST}
+
+
+@pytest.mark.parametrize(
+    ("relation", "wanted", "good", "bad"),
+    [
+        ("is", 0.1, 0.10000000149, 0.2),
+        ("is not", 0.0, 1.0, 0.0),
+        ("at most", 0.5, 0.5, 3.0),
+        ("at least", 250.0, 400.0, 50.0),
+        ("has bit", 1.0, 34.0, 32.0),
+        ("lacks bit", 1.0, 32.0, 34.0),
+    ],
+)
+def test_a_requirement_holds_or_says_what_to_set(
+    relation: str, wanted: float, good: float, bad: float
+) -> None:
+    row = Requirement(names=("NEW", "OLD"), relation=relation, wanted=wanted, why="because")
+    (fine,), (wrong,), (silent,) = (
+        compare((row,), answers) for answers in ({"OLD": good}, {"NEW": bad}, {"OTHER": 1.0})
+    )
+    assert fine.ok
+    assert fine.name == "OLD"
+    assert not wrong.ok
+    assert "NEW" in remedy(wrong)
+    assert silent.value is None
+    assert not silent.ok
+    assert compare((row._replace(missing_ok=True),), {})[0].ok
+
+
+@pytest.mark.parametrize("relation", RELATIONS)
+@pytest.mark.parametrize("value", [nan, inf, -inf])
+def test_what_is_no_number_meets_no_requirement(relation: str, value: float) -> None:
+    """An autopilot's parameter, or what somebody sends in its name, ends no flight."""
+    row = Requirement(names=("X",), relation=relation, wanted=1.0, why="because")
+    (found,) = compare((row,), {"X": value})
+    assert not found.ok
+    assert "X" in remedy(found)

@@ -1,18 +1,15 @@
 """Each firmware by each of its routes: what it is told, when it obeys, who it must be."""
 
 import struct
-from itertools import pairwise
-from math import inf, isfinite, nan, pi
+from math import isfinite, pi
 
 import pytest
 
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.link.autopilots import FIRMWARES, flavour, routes
 from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, value_bytewise
-from tgl_soar.link.autopilots.requirements import RELATIONS, Requirement, compare, remedy
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
-    CommandLong,
     Heartbeat,
     ManualControl,
     ParamValue,
@@ -21,7 +18,6 @@ from tgl_soar.link.messages import (
     SetAttitudeTarget,
     Source,
 )
-from tgl_soar.link.mode_change import ANSWER_S, PATIENCE_S, TRIES, ModeChange
 from tgl_soar.types import NO_SETPOINTS, OURS, THEIRS_WITH_RUDDER, Setpoints, SurfaceCommand
 
 CHANNELS = SurfaceChannels(
@@ -31,8 +27,6 @@ CHANNELS = SurfaceChannels(
 )
 ALL = [(firmware, route.name) for firmware in FIRMWARES for route in routes(firmware)]
 AUTOPILOT = {"ardupilot": 3, "bridge": 3, "px4": 12, "paparazzi": 9}
-GUIDED, FBWA, LOITER = 15, 5, 12
-OFFBOARD, STABILIZED = 6 << 16, 7 << 16
 UP = SurfaceCommand(0.5, -0.25, 1.0)
 NOSE_UP = Setpoints(0.2, -0.1, 0.0)
 
@@ -177,212 +171,6 @@ def test_whole_numbers_sent_as_their_bytes(value: int, kind: int) -> None:
         )
         == 2.5
     )
-
-
-# --- into the mode and out of it ---------------------------------------------------------------
-
-
-def asked_mode(said: tuple[object, ...]) -> float | None:
-    if not said:
-        return None
-    (request,) = said
-    assert isinstance(request, CommandLong)
-    assert request.command == 176
-    return request.params[1]
-
-
-class Beats:
-    """A mode change, and the heartbeats that it looks at; polled at 100 Hz."""
-
-    def __init__(self, change: ModeChange, *, mode: int, obeying: int, every_s: float) -> None:
-        self.change = change
-        self.mode, self.obeying, self.every_s = mode, obeying, every_s
-        self.now_s = self.received_s = 10.0
-        self.shown = mode
-        self.asked: list[tuple[float, float | None]] = []  # when, and for what
-
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds * 100)):
-            self.now_s = round(self.now_s + 0.01, 6)
-            if self.now_s - self.received_s >= self.every_s - 1e-9:
-                self.received_s, self.shown = self.now_s, self.mode
-            obeys = self.shown == self.obeying
-            said = self.change.poll(self.now_s, self.received_s, obeys, self.shown)
-            if said:
-                self.asked.append((self.now_s, asked_mode(said)))
-
-
-def guided(every_s: float = 0.2) -> Beats:
-    return Beats(
-        ModeChange(target("ardupilot", "attitude")), mode=FBWA, obeying=GUIDED, every_s=every_s
-    )
-
-
-def test_the_mode_is_asked_for_after_a_heartbeat_and_once() -> None:
-    beats = guided()
-    beats.run(0.05)
-    beats.change.enter(beats.now_s, beats.received_s, FBWA)
-    beats.run(0.15)
-    assert beats.asked == [(10.2, GUIDED)]
-    assert beats.change.is_entering
-    beats.mode = GUIDED
-    beats.run(3.0)
-    assert len(beats.asked) == 1
-    assert not beats.change.is_changing
-    beats.change.leave(beats.now_s, beats.received_s)
-    beats.run(0.2)
-    assert [mode for _, mode in beats.asked] == [GUIDED, FBWA]  # where it came from
-    beats.mode = FBWA
-    beats.run(3.0)
-    assert len(beats.asked) == 2
-    assert beats.change.failed == ""
-
-
-@pytest.mark.parametrize("every_s", [0.2, 1.0])
-def test_a_lost_request_is_repeated_after_a_heartbeat_that_answers_it(every_s: float) -> None:
-    beats = guided(every_s)
-    beats.change.enter(10.0, 10.0, FBWA)
-    beats.run(PATIENCE_S + 1.0)
-    times = [time_s for time_s, _ in beats.asked]
-    assert len(times) == TRIES
-    assert all(later - earlier >= ANSWER_S for earlier, later in pairwise(times))
-    beats_since = [(time_s - 10.0) / every_s for time_s in times]
-    assert beats_since == pytest.approx([round(n) for n in beats_since])
-    assert "does not enter GUIDED (asked 3 times)" in beats.change.failed
-    assert not beats.change.is_changing
-
-
-def test_without_heartbeats_nothing_is_asked_for() -> None:
-    beats = guided(1e9)
-    beats.change.enter(10.0, 10.0, FBWA)
-    beats.run(PATIENCE_S + 0.1)
-    assert beats.asked == []
-    assert "no heartbeat" in beats.change.failed
-
-
-@pytest.mark.parametrize("when_s", [0.05, 0.3, 0.5, 0.9])
-@pytest.mark.parametrize("every_s", [0.2, 1.0])
-def test_the_pilot_s_choice_ends_the_asking(when_s: float, every_s: float) -> None:
-    beats = guided(every_s)
-    beats.change.enter(10.0, 10.0, FBWA)
-    beats.run(when_s)
-    before = list(beats.asked)
-    beats.mode = LOITER
-    beats.run(PATIENCE_S + 1.0)
-    assert beats.asked == before
-    assert "pilot has chosen another mode" in beats.change.failed
-
-
-@pytest.mark.parametrize("every_s", [0.2, 1.0])
-def test_the_pilot_s_choice_is_not_overwritten_on_the_way_out(every_s: float) -> None:
-    beats = guided(every_s)
-    beats.mode = beats.shown = GUIDED
-    beats.change.leave(10.0, 10.0)
-    beats.mode = LOITER  # chosen since the last heartbeat
-    beats.run(PATIENCE_S + 1.0)
-    assert beats.asked == []
-    assert beats.change.failed == ""
-
-
-def test_an_entry_that_was_withdrawn_is_left_when_it_comes_late() -> None:
-    beats = guided()
-    beats.change.enter(10.0, 10.0, FBWA)
-    beats.run(0.2)
-    beats.change.leave(beats.now_s, beats.received_s)
-    beats.run(0.2)  # a heartbeat that cannot have heard of the request yet
-    beats.mode = GUIDED
-    beats.run(0.2)
-    assert [mode for _, mode in beats.asked] == [GUIDED, FBWA]
-    beats.mode = FBWA
-    beats.run(3.0)
-    assert len(beats.asked) == 2
-    unasked = guided()
-    unasked.change.enter(10.0, 10.0, FBWA)
-    unasked.change.leave(10.1, 10.0)
-    assert not unasked.change.is_changing
-
-
-def test_the_last_word_leaves_our_mode_and_no_other() -> None:
-    beats = guided()
-    beats.change.enter(10.0, 10.0, FBWA)
-    assert beats.change.parting(obeys=False) == ()  # nothing was asked for yet
-    beats.run(0.2)
-    assert asked_mode(beats.change.parting(obeys=False)) == FBWA  # it may be on its way
-    beats.mode = GUIDED
-    beats.run(0.2)
-    assert asked_mode(beats.change.parting(obeys=True)) == FBWA
-    assert beats.change.parting(obeys=False) == ()  # the pilot's
-
-
-def test_the_mode_of_before_is_that_of_this_engagement() -> None:
-    beats = guided()
-    beats.change.enter(10.0, 10.0, 2)
-    beats.mode = LOITER
-    beats.run(1.0)
-    beats.mode = beats.shown = GUIDED  # chosen by the pilot: nothing was entered
-    beats.change.leave(beats.now_s, beats.received_s)
-    beats.run(0.2)
-    assert beats.asked[-1][1] == FBWA  # the route's own
-
-
-def test_px4_s_modes_have_two_parts() -> None:
-    change = ModeChange(target("px4"))
-    change.enter(0.0, 0.0, 4 << 16 | 3 << 24)
-    (request,) = change.poll(0.1, 0.1, False, 4 << 16 | 3 << 24)
-    assert isinstance(request, CommandLong)
-    assert request.params[:3] == (1.0, 6.0, 0.0)
-    change.leave(1.0, 0.1)
-    (back,) = change.poll(1.1, 1.1, True, OFFBOARD)
-    assert isinstance(back, CommandLong)
-    assert back.params[:3] == (1.0, 4.0, 3.0)
-
-
-def test_a_mode_that_the_pilot_must_choose_is_never_asked_for() -> None:
-    change = ModeChange(target("ardupilot"))
-    change.enter(0.0, 0.0, FBWA)
-    assert not change.is_entering
-    assert change.poll(0.1, 0.1, False, FBWA) == ()
-    assert change.parting() == ()
-
-
-# --- what parameters must be -------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("relation", "wanted", "good", "bad"),
-    [
-        ("is", 0.1, 0.10000000149, 0.2),
-        ("is not", 0.0, 1.0, 0.0),
-        ("at most", 0.5, 0.5, 3.0),
-        ("at least", 250.0, 400.0, 50.0),
-        ("has bit", 1.0, 34.0, 32.0),
-        ("lacks bit", 1.0, 32.0, 34.0),
-    ],
-)
-def test_a_requirement_holds_or_says_what_to_set(
-    relation: str, wanted: float, good: float, bad: float
-) -> None:
-    row = Requirement(names=("NEW", "OLD"), relation=relation, wanted=wanted, why="because")
-    (fine,), (wrong,), (silent,) = (
-        compare((row,), answers) for answers in ({"OLD": good}, {"NEW": bad}, {"OTHER": 1.0})
-    )
-    assert fine.ok
-    assert fine.name == "OLD"
-    assert not wrong.ok
-    assert "NEW" in remedy(wrong)
-    assert silent.value is None
-    assert not silent.ok
-    assert compare((row._replace(missing_ok=True),), {})[0].ok
-
-
-@pytest.mark.parametrize("relation", RELATIONS)
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-def test_what_is_no_number_meets_no_requirement(relation: str, value: float) -> None:
-    """An autopilot's parameter, or what somebody sends in its name, ends no flight."""
-    row = Requirement(names=("X",), relation=relation, wanted=1.0, why="because")
-    (found,) = compare((row,), {"X": value})
-    assert not found.ok
-    assert "X" in remedy(found)
 
 
 def test_every_route_says_all_that_people_must_know() -> None:

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.messages import AttitudeQuaternion, Heartbeat
 from tgl_soar.link.transport import open_link
+from tgl_soar.link.transports.base import Transport
 from tgl_soar.link.transports.byte_stream import RETRY_S
 from tgl_soar.link.transports.serial_line import SerialLink
 
@@ -150,4 +151,52 @@ def test_a_frame_cut_by_a_hang_up_is_forgotten_and_the_next_ones_are_read(line: 
     assert stamps(link, decoder, 3.0) == [10, 11, 12]
     assert link.send(b"back")
     assert os.read(line.far, 100) == b"back"
+    link.close()
+
+
+def received(link: Transport, now_s: float = 0.0) -> list[bytes]:
+    select.select([link.fileno()], [], [], 2.0)
+    return link.receive(now_s)
+
+
+def test_a_serial_line_carries_both_ways(line: Line) -> None:
+    far, link = line.far, opened(line)
+    assert link.is_stream
+    assert link.receive(0.0) == []
+    os.write(far, b"\xfd\x00half a fra")
+    assert received(link) == [b"\xfd\x00half a fra"]
+    assert link.send(b"\x00\x11\x13\xff")
+    assert os.read(far, 100) == b"\x00\x11\x13\xff"
+    link.close()
+    link.close()
+
+
+def test_a_serial_line_that_does_not_drain_drops_whole_frames(line: Line) -> None:
+    far = line.far
+    link = open_link(f"serial:{line.device}", lambda _: True)
+    frames = [bytes((i % 251,)) * 100 for i in range(3000)]
+    sent = [frame for frame in frames if link.send(frame)]
+    assert link.counters.dropped_out == len(frames) - len(sent) > 0
+    got = b""
+    while len(got) < 100 * len(sent):
+        got += os.read(far, 4096)
+        link.receive(0.0)
+    assert got == b"".join(sent)
+    link.close()
+
+
+def test_a_serial_line_that_hangs_up_is_tried_once_a_second(line: Line) -> None:
+    link = open_link(f"serial:{line.device}:115200", lambda _: True)
+    line.pull()
+    assert received(link, 1.0) == []
+    assert link.fileno() == -1
+    assert link.receive(2.5) == []
+    assert link.fileno() == -1
+    line.plug()
+    assert link.receive(2.6) == []
+    assert link.fileno() == -1  # not yet: it was tried at 2.5
+    link.receive(3.6)
+    assert link.fileno() >= 0
+    os.write(line.far, b"back")
+    assert received(link, 3.7) == [b"back"]
     link.close()

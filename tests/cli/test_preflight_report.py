@@ -1,0 +1,72 @@
+"""What `tgl-soar preflight` reports of fence, lines and margins, before it asks the vehicle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from bench_bridge import AIRFRAME
+from msgspec.structs import replace
+
+from tgl_soar.cli.preflight import _margin_reported, _place_reported
+from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+
+PLANE = load_airframe(AIRFRAME)
+SITE = shipped("sites/tunnel.toml")
+
+
+def test_what_is_wrong_with_fence_and_lines_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The fence is never a reason to stay; a line by which nothing can be held is."""
+
+    def reported(text: str) -> tuple[bool, str]:
+        path = tmp_path / "site.toml"
+        path.write_text(f'[site]\nname = "field"\n{text}')
+        site = load_site(path)
+        values = load_parameters(PLANE, AIRFRAME, site, path)
+        good = _place_reported(PLANE, site, values)
+        return good, " ".join(capsys.readouterr().out.split())
+
+    lines = "[lines]\nup = { x_m = 0, z_m = 40 }\n"
+    assert reported(f"{lines}[parameters]\nTGL_Z = 40\n") == (
+        True,
+        "no fence: set FENCE_X_MIN and its like to where the pilot is to have the aircraft",
+    )
+    good, words = reported(f"{lines}[parameters]\nTGL_Z = 20\nFENCE_Z_MAX = 30\n")
+    assert good
+    assert "the fence is open: FENCE_X_MIN, FENCE_X_MAX, FENCE_Y_MAX, FENCE_Z_MIN not set" in words
+    assert "line up: the line's point is outside the fence (FENCE_Z_MAX is 30 m)" in words
+    good, words = reported("[parameters]\nTGL_Z = 40\nFENCE_Z_MAX = 30\n")
+    assert not good
+    assert "cannot be engaged: the line's point is outside the fence" in words
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_enough", "words"),
+    [
+        ({}, True, " of 0.5, at the line, "),
+        ({"AIL_D": 1.0}, False, "0.00 of 0.5, at the aileron, "),
+        ({"RHO_D": 1.0}, False, "0.00 of 0.5, at the elevator, "),
+        ({"RHO_D_IMU": 1.2, "EST_IMU": 0.0}, True, " of 0.5, at the line, "),
+    ],
+)
+def test_the_least_margin_of_all_loops_is_reported(
+    changes: dict[str, float], is_enough: bool, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of roll and heading, too, which nothing else refuses."""
+    values = load_parameters(PLANE, AIRFRAME, load_site(SITE), SITE).changed(changes)
+    assert _margin_reported(PLANE, values) == is_enough
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith("least margin of the loops: ")
+    assert words in said
+
+
+def test_of_a_model_that_is_not_complete_no_margin_is_known(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    model = {name: value for name, value in PLANE.model.items() if name != "Cm_q"}
+    plane = replace(PLANE, model=model)
+    values = load_parameters(plane, AIRFRAME, load_site(SITE), SITE)
+    assert _margin_reported(plane, values)
+    assert "no gain is checked" in capsys.readouterr().out

@@ -1,0 +1,188 @@
+"""What the NatNet client asks of a server, when, and what it takes of the answer."""
+
+from __future__ import annotations
+
+import pytest
+
+from tgl_soar.geometry import HallFrame
+from tgl_soar.link.messages import SEVERITY_WARNING
+from tgl_soar.link.natnet import layout
+from tgl_soar.link.natnet.diagnostics import OptitrackCounters, OptitrackLedger, OutageNotices
+from tgl_soar.link.natnet.layout import ServerInfo
+from tgl_soar.link.natnet.server import MulticastStream, NatNetServer
+from tgl_soar.link.natnet.settings import OptitrackSettings
+
+SENDER = ("10.0.0.2", 1510)
+SETTINGS = OptitrackSettings(
+    server="",
+    body="glider",
+    unicast=True,
+    hall=HallFrame(
+        z_up=True, yaw_rad=0.0, origin_north_m=0.0, origin_east_m=0.0, origin_down_m=0.0
+    ),
+    noise_m=0.001,
+    max_error_m=0.02,
+    max_speed_mps=10.0,
+    max_age_s=0.3,
+    max_rate_hz=100.0,
+)
+INFO = ServerInfo(
+    name="Motive",
+    application=(3, 1, 0, 0),
+    version=(4, 1),
+    clock_hz=1000,
+    data_port=1511,
+    is_multicast=False,
+    group="239.0.0.1",
+)
+
+
+def ledger() -> OptitrackLedger:
+    return OptitrackLedger(OptitrackCounters(), OutageNotices())
+
+
+def asked(server: NatNetServer, now_s: float, *, silent: bool = False) -> list[int]:
+    return [layout.message_of(data) for data in server.poll(now_s, silent=silent)]
+
+
+def times_of(
+    server: NatNetServer, number: int, until_s: float, silent: bool = False
+) -> list[float]:
+    """When a request is made, of polls each hundredth of a second."""
+    return [
+        round(0.01 * i, 2)
+        for i in range(round(until_s * 100.0))
+        if number in asked(server, 0.01 * i + 1e-9, silent=silent)
+    ]
+
+
+def server_of(given: OptitrackSettings = SETTINGS, *, lockstep: bool = False) -> NatNetServer:
+    return NatNetServer(given, ledger(), lockstep=lockstep)
+
+
+def known(given: OptitrackSettings = SETTINGS, *, lockstep: bool = False) -> NatNetServer:
+    server = server_of(given, lockstep=lockstep)
+    server.accept(INFO, SENDER)
+    server.on_models({"glider": 7})
+    return server
+
+
+def test_until_it_answers_a_server_is_asked_every_second_and_nothing_else() -> None:
+    server = server_of()
+    assert times_of(server, layout.CONNECT, 3.5) == [0.0, 1.0, 2.0, 3.0]
+    assert asked(server, 9.0) == [layout.CONNECT]
+    assert not server.is_ready
+
+
+def test_a_known_server_is_asked_who_it_is_while_it_is_silent() -> None:
+    assert times_of(known(), layout.CONNECT, 3.5) == []
+    assert times_of(known(), layout.CONNECT, 2.5, silent=True) == [0.0, 1.0, 2.0]
+
+
+def test_definitions_are_asked_for_every_half_a_second_by_turns_of_all_and_of_bodies() -> None:
+    server = server_of()
+    server.accept(INFO, SENDER)
+    sizes = []
+    for i in range(5):
+        requests = server.poll(0.5 * i + 1e-9, silent=False)
+        sizes += [len(r) for r in requests if layout.message_of(r) == layout.MODELS_REQUEST]
+        assert layout.MODELS_REQUEST not in asked(server, 0.5 * i + 0.49)
+    assert sizes == [4, 8, 4, 8, 4]
+    server.on_models({"other": 1})  # ours is not among them
+    assert not server.is_ready
+    assert layout.MODELS_REQUEST in asked(server, 9.0)
+    server.on_models({"glider": 3, "other": 1})
+    assert (server.is_ready, server.body_id) == (True, 3)
+    assert layout.MODELS_REQUEST not in asked(server, 19.0)
+    server.refresh_models()
+    assert layout.MODELS_REQUEST in asked(server, 29.0)
+    assert server.is_ready  # by the old ones meanwhile
+    server.discard_models()
+    assert not server.is_ready
+    assert layout.MODELS_REQUEST in asked(server, 29.01)  # at once
+
+
+def test_a_numbered_body_needs_no_definitions() -> None:
+    server = server_of(SETTINGS._replace(body=5))
+    server.accept(INFO, SENDER)
+    assert server.body_id == 5
+    server.refresh_models()
+    server.discard_models()
+    assert (server.is_ready, server.body_id) == (True, 5)
+    assert layout.MODELS_REQUEST not in asked(server, 1.0)
+    server.on_models({"glider": 9})
+    assert server.body_id == 5
+
+
+def test_a_unicast_server_is_told_every_second_that_we_live() -> None:
+    assert times_of(known(), layout.KEEP_ALIVE, 3.5) == [0.0, 1.0, 2.0, 3.0]
+    assert times_of(known(SETTINGS._replace(unicast=False)), layout.KEEP_ALIVE, 3.5) == []
+
+
+def test_ten_echoes_come_in_quick_succession_and_then_one_each_second() -> None:
+    times = times_of(known(), layout.ECHO_REQUEST, 3.7)
+    assert times == pytest.approx([0.05 * i for i in range(11)] + [1.5, 2.5, 3.5], abs=0.011)
+    assert times_of(known(lockstep=True), layout.ECHO_REQUEST, 3.0) == []
+    # A server that has restarted is measured anew; another clock of ours lets all be due.
+    server = known()
+    times_of(server, layout.ECHO_REQUEST, 3.0)
+    server.reset()
+    assert layout.ECHO_REQUEST not in asked(server, 3.01)
+    server.rebase()
+    assert {layout.ECHO_REQUEST, layout.KEEP_ALIVE} <= set(asked(server, 0.01))
+    assert layout.ECHO_REQUEST in asked(server, 0.07)
+
+
+def test_an_echo_carries_our_time_in_nanoseconds() -> None:
+    for now_s, stamp in ((2.5, 2_500_000_000), (0.0, 1)):
+        request = next(r for r in known().poll(now_s, silent=False) if layout.message_of(r) == 12)
+        assert int.from_bytes(request[4:12], "little") == stamp
+
+
+@pytest.mark.parametrize(
+    ("version", "can", "words"),
+    [
+        ((2, 99), False, "3.0 to 4.2 can be read"),
+        ((3, 0), True, ""),
+        ((4, 2), True, ""),
+        ((4, 3), True, "read as 4.2"),
+        ((5, 0), False, "can be read"),
+    ],
+)
+def test_versions_from_3_0_to_below_5_are_read(
+    version: layout.Version, can: bool, words: str
+) -> None:
+    kept = ledger()
+    server = NatNetServer(SETTINGS, kept, lockstep=False)
+    info = INFO._replace(version=version)
+    assert server.is_new(info, SENDER) == can
+    assert kept.counters.wrong_version == (0 if can else 1)
+    if can:
+        server.accept(info, SENDER)
+        assert server.version == version
+        assert not server.is_new(info, SENDER)
+    text = kept.notices.texts[0][1]
+    assert words in text
+    assert ("read as" in text) == (version == (4, 3))
+    assert text.startswith(f"OptiTrack: Motive at 10.0.0.2 speaks NatNet {version[0]}.{version[1]}")
+
+
+def test_a_server_that_answers_again_may_have_other_ids() -> None:
+    server = known()
+    asked(server, 1.0)
+    assert not server.is_new(INFO, SENDER)
+    assert layout.MODELS_REQUEST in asked(server, 2.0)
+    assert server.is_new(INFO._replace(clock_hz=2000), SENDER)
+
+
+@pytest.mark.parametrize("multicast", [False, True])
+@pytest.mark.parametrize("unicast", [False, True])
+def test_where_it_streams_and_that_the_site_says_otherwise(multicast: bool, unicast: bool) -> None:
+    kept = ledger()
+    server = NatNetServer(SETTINGS._replace(unicast=unicast), kept, lockstep=False)
+    server.accept(INFO._replace(is_multicast=multicast), SENDER)
+    assert server.stream == (MulticastStream("239.0.0.1", 1511) if multicast else None)
+    wrong = [text for severity, text in kept.notices.texts if severity == SEVERITY_WARNING]
+    theirs = "multicast" if multicast else "unicast"
+    expected = [f"OptiTrack: it streams {theirs}, mocap.stream does not"]
+    assert wrong == (expected if multicast == unicast else [])
