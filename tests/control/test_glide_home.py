@@ -1,21 +1,23 @@
-"""The height left for the way home in a wind that has risen: who waits, where, and how long."""
+"""The height left for the way home, the wait in a wind that has risen, the end on the ground."""
 
 from __future__ import annotations
 
-from math import exp, hypot, inf, nan
+from math import exp, inf, isnan, nan
 
 import pytest
-from test_landing import DT, PARAMS, air, at
+from test_landing import DT, PARAMS, PLACE, air, at
 
+from tgl_soar.control import glide_home
 from tgl_soar.control.glide_home import (
     NO_ESCAPE,
     EscapeState,
     EscapeView,
     escape_step,
+    is_on_ground,
     is_short,
+    time_left,
 )
 from tgl_soar.control.landing import LandingParams, escape_height
-from tgl_soar.control.wind_triangle import slower, wind_speed
 from tgl_soar.types import AirEstimate
 
 WAITS = PARAMS._replace(waits=True)
@@ -93,9 +95,78 @@ def test_in_a_wind_as_slow_as_has_carried_it_nothing_is_waited_for() -> None:
     assert (unknown.carried_mps, unknown.armed) == (inf, True)
 
 
-def test_a_slower_wind_has_the_same_direction() -> None:
-    wind = slower(air(wind_mps=8.0, cross_wind_mps=-6.0), 5.0)
-    assert (wind.wind_mps, wind.cross_wind_mps) == pytest.approx((4.0, -3.0))
-    assert wind_speed(wind) == pytest.approx(5.0)
-    assert wind_speed(air(wind_mps=8.0, cross_wind_mps=nan)) == 8.0
-    assert wind_speed(air(wind_mps=3.0, cross_wind_mps=4.0)) == hypot(3.0, 4.0)
+def kept_at(height_m: float, seconds: float, state: EscapeState = NO_ESCAPE, start: float = 0.0,
+            fall_mps: float = 0.0) -> EscapeState:  # fmt: skip
+    steps = round(seconds / DT)
+    for k in range(steps):
+        vehicle = at(start + k * DT, z_m=height_m - fall_mps * k * DT, velocity_x_mps=-2.0)
+        state = escape_step(PARAMS, state, EscapeView(True, False, False, True), vehicle, air(), DT)
+    return state
+
+
+def test_it_is_short_only_after_there_was_height_and_only_when_it_lasts() -> None:
+    low = kept_at(2.0, 5.0)
+    assert low.left_m < 0.0
+    assert not is_short(low, 5.0)  # launched from below: there never was any
+    high = kept_at(20.0, 2.0)
+    assert high.armed
+    assert not is_short(high, 2.0)
+    gone = kept_at(2.0, 0.3, high, 2.0)
+    assert not is_short(gone, 2.3)
+    gone = kept_at(2.0, 3.0, gone, 2.3)
+    assert is_short(gone, 5.3)
+
+
+def test_the_time_left_is_the_height_by_how_fast_it_goes() -> None:
+    state = kept_at(25.0, 40.0, fall_mps=0.1)
+    assert state.rate_mps == pytest.approx(-0.1, abs=0.01)
+    assert time_left(state) == pytest.approx(state.left_m / 0.1, rel=0.1)
+    assert time_left(kept_at(25.0, 5.0)) == inf
+    assert time_left(kept_at(2.0, 5.0)) == 0.0
+    assert isnan(time_left(NO_ESCAPE))
+
+
+def stood(
+    seconds: float, state: EscapeState, start_s: float, *, lands: bool = True, sure: bool = True
+) -> EscapeState:
+    """Still and low, tick by tick."""
+    for k in range(round(seconds / DT)):
+        vehicle = at(start_s + k * DT, z_m=0.1, climb_mps=0.0)
+        state = escape_step(PARAMS, state, EscapeView(True, lands, False, sure), vehicle, air(), DT)
+    return state
+
+
+def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
+    state = NO_ESCAPE
+    for k in range(300):
+        vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
+        state = escape_step(PARAMS, state, EscapeView(True, True, False, True), vehicle, air(), DT)
+        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= glide_home.STILL_S - 1e-9)
+    hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
+    assert not is_on_ground(PARAMS, state, hovering, inf)
+
+
+def test_standing_still_counts_from_the_landing_on_and_only_where_the_height_is_known() -> None:
+    """Who soars stands still all the time, and in a tunnel less than a metre over the board."""
+    soared = stood(5.0, NO_ESCAPE, 0.0, lands=False)
+    now = at(5.0, z_m=0.1, climb_mps=0.0)
+    soared = escape_step(PARAMS, soared, EscapeView(True, True, False, True), now, air(), DT)
+    assert not is_on_ground(PARAMS, soared, now, 0.1)
+    lain = stood(2.0, soared, 5.0)
+    now = at(7.0, z_m=0.1, climb_mps=0.0)
+    assert is_on_ground(PARAMS, lain, now, 0.1)
+    assert not is_on_ground(PARAMS, lain, now, 0.87)  # the ground counts, not the place
+    nowhere = PARAMS._replace(place=PLACE._replace(length_m=0.0))
+    assert not is_on_ground(nowhere, lain, now, inf)
+    assert is_on_ground(nowhere, lain, now, 0.1)
+    assert not is_on_ground(PARAMS, stood(2.0, soared, 5.0, sure=False), now, 0.1)
+
+
+def test_without_a_position_the_height_left_is_not_known() -> None:
+    low = kept_at(2.0, 3.0, kept_at(20.0, 2.0), 2.0)
+    assert is_short(low, 5.0)
+    vehicle = at(5.0, z_m=2.0)
+    blind = escape_step(PARAMS, low, EscapeView(True, False, False, False), vehicle, air(), DT)
+    assert isnan(blind.left_m)
+    assert blind.armed
+    assert not is_short(blind, 9.0)

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from math import asin, cos, exp, hypot, inf, isfinite, isnan, nan, pi, radians, sin, sqrt
+from math import asin, cos, exp, inf, isfinite, isnan, nan, pi, radians, sin, sqrt
 from typing import Any
 
 import pytest
 
-from tgl_soar.control import airspeed_hold, glide_home, landing
+from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_hold import NO_GLIDE, GlidePitches, GlideState
-from tgl_soar.control.glide_home import (
-    NO_ESCAPE,
-    EscapeState,
-    EscapeView,
-    escape_step,
-    is_on_ground,
-    is_short,
-    time_left,
-)
 from tgl_soar.control.landing import (
     LandingParams,
     LandingPlace,
@@ -31,8 +22,7 @@ from tgl_soar.control.landing import (
     height_left,
     weave,
 )
-from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, mean_cosine, weave_angle
-from tgl_soar.control.wind_triangle import ground_speed
+from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, mean_cosine
 from tgl_soar.types import NO_AIR, NO_POLAR, AirEstimate, GlidePolar, VehicleState, polar_sink
 
 DT = 0.005
@@ -92,18 +82,6 @@ def test_along_and_across_are_the_same_place_seen_along_the_bearing(bearing_deg:
         y = place.y_m - ahead * sin(b) + right * cos(b)
         assert along(place, x, y) == pytest.approx(ahead)
         assert across(place, x, y) == pytest.approx(right)
-
-
-def test_ground_speed_is_the_wind_triangle() -> None:
-    assert ground_speed(9.0, 7.0, 0.0, 0.0) == pytest.approx(2.0)
-    b = radians(40.0)
-    v = ground_speed(9.0, 7.0, 0.0, b)
-    # Along the bearing over the ground, the air brings the rest: its length is the airspeed.
-    assert hypot(v * cos(b) + 7.0, v * sin(b)) == pytest.approx(9.0)
-    v = ground_speed(9.0, 7.0, -2.0, b)  # a wind from the right
-    assert hypot(v * cos(b) + 7.0, v * sin(b) + 2.0) == pytest.approx(9.0)
-    assert isnan(ground_speed(5.0, 9.0, 0.0, radians(60.0)))
-    assert isnan(ground_speed(5.0, 0.0, 9.0, 0.0))
 
 
 def test_the_height_left_is_what_a_flown_glide_leaves() -> None:
@@ -193,37 +171,6 @@ def test_wind_that_no_speed_beats_leaves_nothing_and_what_is_unknown_is_not_know
     assert isnan(escape_height(blind, at(), air()))
 
 
-def watched(height_m: float, seconds: float, state: EscapeState = NO_ESCAPE, start: float = 0.0,
-            fall_mps: float = 0.0) -> EscapeState:  # fmt: skip
-    steps = round(seconds / DT)
-    for k in range(steps):
-        vehicle = at(start + k * DT, z_m=height_m - fall_mps * k * DT, velocity_x_mps=-2.0)
-        state = escape_step(PARAMS, state, EscapeView(True, False, False, True), vehicle, air(), DT)
-    return state
-
-
-def test_it_is_short_only_after_there_was_height_and_only_when_it_lasts() -> None:
-    low = watched(2.0, 5.0)
-    assert low.left_m < 0.0
-    assert not is_short(low, 5.0)  # launched from below: there never was any
-    high = watched(20.0, 2.0)
-    assert high.armed
-    assert not is_short(high, 2.0)
-    gone = watched(2.0, 0.3, high, 2.0)
-    assert not is_short(gone, 2.3)
-    gone = watched(2.0, 3.0, gone, 2.3)
-    assert is_short(gone, 5.3)
-
-
-def test_the_time_left_is_the_height_by_how_fast_it_goes() -> None:
-    state = watched(25.0, 40.0, fall_mps=0.1)
-    assert state.rate_mps == pytest.approx(-0.1, abs=0.01)
-    assert time_left(state) == pytest.approx(state.left_m / 0.1, rel=0.1)
-    assert time_left(watched(25.0, 5.0)) == inf
-    assert time_left(watched(2.0, 5.0)) == 0.0
-    assert isnan(time_left(NO_ESCAPE))
-
-
 def test_the_approach_is_as_slow_as_still_gets_there() -> None:
     distance = 21.0 - landing.FLOAT_S * (PARAMS.best_glide_mps - 7.0)
     assert approach_speed(PARAMS, SLOWEST, at(z_m=30.0), air()) == SLOWEST
@@ -247,46 +194,6 @@ def test_height_left_over_is_woven_off() -> None:
     assert SLOWEST * kept - 7.0 == pytest.approx(wanted, abs=0.05)
     assert weave(PARAMS, True, SLOWEST, nan, at(x_m=60.0, z_m=14.0), air(), False) == 0.0
     assert weave(PARAMS, True, SLOWEST, nan, at(x_m=-14.0, z_m=4.0), air(), False) == 0.0
-
-
-@pytest.mark.parametrize("half_width_m", [4.0, 9.0, 15.0])
-@pytest.mark.parametrize("chi", [0.2, 0.5, 0.9, 1.4])
-def test_what_a_weave_keeps_upwind_is_what_a_flown_one_covers(
-    chi: float, half_width_m: float
-) -> None:
-    """Integrated tick by tick, to the right and back, turning so that it just fills its width."""
-    speed, dt = 8.4, 1e-3
-    turns_m = speed * (1.0 - cos(chi)) / WEAVE_RADPS
-    if turns_m > half_width_m:  # what fits is told by `weave_angle`
-        assert weave_angle(-1.0, half_width_m, speed, chi) < chi
-        return
-    psi, y, x, t, right, ways = 0.0, -half_width_m, 0.0, 0.0, True, 0
-    while ways < 2:
-        turning_m = speed * (1.0 - cos(psi)) / WEAVE_RADPS
-        left_m = half_width_m - y if right else half_width_m + y
-        wanted = 0.0 if left_m <= turning_m and t > dt else (chi if right else -chi)
-        psi += max(-WEAVE_RADPS * dt, min(WEAVE_RADPS * dt, wanted - psi))
-        x, y, t = x + speed * cos(psi) * dt, y + speed * sin(psi) * dt, t + dt
-        if abs(psi) < 1e-9:
-            right, ways = not right, ways + 1
-            psi = 0.0
-    assert x / (speed * t) == pytest.approx(mean_cosine(chi, half_width_m, speed), abs=0.003)
-
-
-def test_the_nose_is_as_far_off_as_is_needed_and_no_farther() -> None:
-    for cosine in (0.95, 0.8, 0.7):
-        chi = weave_angle(cosine, 15.0, 8.4, 1.4)
-        assert mean_cosine(chi, 15.0, 8.4) == pytest.approx(cosine, abs=0.01)
-        assert mean_cosine(chi, 15.0, 8.4) <= cosine
-        if cosine < 0.9:  # narrower it turns more often
-            assert weave_angle(cosine, 10.0, 8.4, 1.4) > chi
-    assert weave_angle(0.2, 15.0, 8.4, 1.4) == pytest.approx(1.4)
-    assert weave_angle(0.2, 15.0, 8.4, 0.5) == pytest.approx(0.5)
-    # Turns alone fill 4 m to either side: V (1 − cos chi) / omega of them.
-    narrow = weave_angle(0.2, 4.0, 8.4, 1.4)
-    assert 8.4 * (1.0 - cos(narrow)) / WEAVE_RADPS == pytest.approx(4.0, abs=0.05)
-    for cosine, width, most in ((1.0, 15.0, 1.4), (nan, 15.0, 1.4), (0.5, 0.0, 1.4), (0.5, 15, 0)):
-        assert weave_angle(cosine, width, 8.4, most) == 0.0
 
 
 def test_all_of_the_weave_would_stand_still_in_less_wind_than_it_flies_in() -> None:
@@ -636,52 +543,6 @@ def test_without_a_position_it_glides_straight_on() -> None:
     )
     assert (setpoints.heading_rad, setpoints.sideways_mps) == (0.0, 0.0)
     assert speed == pytest.approx(8.5, abs=0.1)
-
-
-def stood(
-    seconds: float, state: EscapeState, start_s: float, *, lands: bool = True, sure: bool = True
-) -> EscapeState:
-    """Still and low, tick by tick."""
-    for k in range(round(seconds / DT)):
-        vehicle = at(start_s + k * DT, z_m=0.1, climb_mps=0.0)
-        state = escape_step(PARAMS, state, EscapeView(True, lands, False, sure), vehicle, air(), DT)
-    return state
-
-
-def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
-    state = NO_ESCAPE
-    for k in range(300):
-        vehicle = at(k * DT, z_m=0.1, climb_mps=0.0)
-        state = escape_step(PARAMS, state, EscapeView(True, True, False, True), vehicle, air(), DT)
-        assert is_on_ground(PARAMS, state, vehicle, inf) == (k * DT >= glide_home.STILL_S - 1e-9)
-    hovering = at(299 * DT, z_m=5.0, climb_mps=0.0)
-    assert not is_on_ground(PARAMS, state, hovering, inf)
-
-
-def test_standing_still_counts_from_the_landing_on_and_only_where_the_height_is_known() -> None:
-    """Who soars stands still all the time, and in a tunnel less than a metre over the board."""
-    soared = stood(5.0, NO_ESCAPE, 0.0, lands=False)
-    now = at(5.0, z_m=0.1, climb_mps=0.0)
-    soared = escape_step(PARAMS, soared, EscapeView(True, True, False, True), now, air(), DT)
-    assert not is_on_ground(PARAMS, soared, now, 0.1)
-    lain = stood(2.0, soared, 5.0)
-    now = at(7.0, z_m=0.1, climb_mps=0.0)
-    assert is_on_ground(PARAMS, lain, now, 0.1)
-    assert not is_on_ground(PARAMS, lain, now, 0.87)  # the ground counts, not the place
-    nowhere = PARAMS._replace(place=PLACE._replace(length_m=0.0))
-    assert not is_on_ground(nowhere, lain, now, inf)
-    assert is_on_ground(nowhere, lain, now, 0.1)
-    assert not is_on_ground(PARAMS, stood(2.0, soared, 5.0, sure=False), now, 0.1)
-
-
-def test_without_a_position_the_height_left_is_not_known() -> None:
-    low = watched(2.0, 3.0, watched(20.0, 2.0), 2.0)
-    assert is_short(low, 5.0)
-    vehicle = at(5.0, z_m=2.0)
-    blind = escape_step(PARAMS, low, EscapeView(True, False, False, False), vehicle, air(), DT)
-    assert isnan(blind.left_m)
-    assert blind.armed
-    assert not is_short(blind, 9.0)
 
 
 @pytest.mark.parametrize("best_mps", [0.0, 5.0, 9.2, 30.0])
