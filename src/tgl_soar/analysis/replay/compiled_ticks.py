@@ -2,7 +2,7 @@
 
 What numba makes of the laws is kept in `$XDG_CACHE_HOME/tgl_soar` (or ~/.cache), under a name that
 changes with the source of any module below it: nothing stale is ever flown.  To compile takes
-half a minute to a minute, once for each version; to load half a second.
+some two minutes of a processor, once for each version; to load it a second.
 
 A tick's inputs are one row of numbers, its output another, in the order of their leaves.
 """
