@@ -161,5 +161,12 @@ def _frame(
     last = bodies[-1]
     moved = last._replace(position_m=(last.position_m[0] + 1e-4 * number, 1.0, 2.0))
     exposed = round((5000.0 + now_s) * CLOCK_HZ)
-    ticks = exposed, exposed + CLOCK_HZ // 200, exposed + CLOCK_HZ // 100
-    return encode_frame(version, Scene(number, [*bodies[:-1], moved], now_s, *ticks))
+    scene = Scene(
+        number,
+        [*bodies[:-1], moved],
+        now_s,
+        exposed_ticks=exposed,
+        received_ticks=exposed + CLOCK_HZ // 200,
+        sent_ticks=exposed + CLOCK_HZ // 100,
+    )
+    return encode_frame(version, scene)

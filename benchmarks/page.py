@@ -75,8 +75,12 @@ def read_json(path: Path) -> list[Result]:
     kept = json.loads(path.read_text(encoding="utf-8"))["results"]
     return [
         Result(
-            *(row["what"], row["value"], row["reference"], row["unit"], row["reference_what"]),
-            NO_AIM if row["aim"] is None else row["aim"],
+            what=row["what"],
+            value=row["value"],
+            reference=row["reference"],
+            unit=row["unit"],
+            reference_what=row["reference_what"],
+            aim=NO_AIM if row["aim"] is None else row["aim"],
         )
         for row in kept
     ]

@@ -3,8 +3,11 @@ mostly have defaults, no more than the first four are given by their place.
 
 Two floats that have changed places pass every type check and most tests; two names do not.  Where
 native code is made, keywords stand in the order of the fields, so that the compiler's copy of the
-source can drop them (`cli.direct_tuples`).  A call with a starred argument is left alone: the
-iterable that it spreads has an order of its own.
+source can drop them (`cli.direct_tuples`).
+
+A starred argument gives fields by their places too, and nobody sees how many.  What has all fields
+in their order, such as a row of a file, becomes a named tuple by `_make`; no more than four of its
+elements stand there one by one.
 """
 
 from __future__ import annotations
@@ -34,9 +37,7 @@ class Module(NamedTuple):
 
     classes: list[ast.ClassDef]
     imports: list[ast.ImportFrom]
-    calls: list[
-        tuple[str, ast.Call]
-    ]  # but for those that spread something; named by what is called
+    calls: list[tuple[str, ast.Call]]  # named by what is called
 
 
 def parsed(text: str) -> Module:
@@ -47,9 +48,7 @@ def parsed(text: str) -> Module:
             module.classes.append(node)
         elif isinstance(node, ast.ImportFrom):
             module.imports.append(node)
-        elif isinstance(node, ast.Call) and not any(
-            isinstance(argument, ast.Starred) for argument in node.args
-        ):
+        elif isinstance(node, ast.Call):
             module.calls.append((name_of(node.func), node))
     return module
 
@@ -112,7 +111,25 @@ def calls(module: Module, kinds: Fields) -> Iterator[tuple[ast.Call, tuple[str, 
 
 def by_place(module: Module, kinds: Fields) -> list[int]:
     """The lines of calls that give a field by its place."""
-    return [call.lineno for call, _ in calls(module, kinds) if call.args]
+    placed = [call.lineno for call, _ in calls(module, kinds) if call.args]
+    made = [
+        call.lineno
+        for name, call in module.calls
+        if len(kinds.get(name.removesuffix("._make"), ())) > AT_MOST_BY_PLACE
+        and name.endswith("._make")
+        and one_by_one(call.args[0]) > AT_MOST_BY_PLACE
+    ]
+    return sorted(placed + made)
+
+
+def one_by_one(values: ast.expr) -> int:
+    """How many elements of a tuple or list stand there, and are not spread from something else."""
+    if isinstance(values, ast.Starred):
+        return one_by_one(values.value)
+    if not isinstance(values, ast.Tuple | ast.List):
+        return 0
+    inner = (each if isinstance(each, ast.Starred) else None for each in values.elts)
+    return sum(1 if each is None else one_by_one(each) for each in inner)
 
 
 def too_many_by_place(module: Module, kinds: Fields) -> list[int]:
@@ -120,8 +137,14 @@ def too_many_by_place(module: Module, kinds: Fields) -> list[int]:
     return [
         call.lineno
         for name, call in module.calls
-        if name in kinds and len(call.args) > AT_MOST_BY_PLACE
+        if len(kinds.get(name, ())) > AT_MOST_BY_PLACE
+        and (len(call.args) > AT_MOST_BY_PLACE or spreads(call))
     ]
+
+
+def spreads(call: ast.Call) -> bool:
+    """Whether an argument stands for any number of them."""
+    return any(isinstance(argument, ast.Starred) for argument in call.args)
 
 
 def out_of_order(module: Module, kinds: Fields) -> list[int]:
@@ -212,7 +235,14 @@ KINDS = "class Five(NamedTuple):\n    a: int\n    b: int\n    c: int\n    d: int
         ("Five(1, b=2, c=3, d=4)", True, False),
         ("Five(a=1, b=2, c=3, d=4)", False, False),
         ("Five(a=1, c=3, b=2, d=4, e=5)", False, True),
-        ("Five(*range(5))", False, False),
+        ("Five(*range(5))", True, False),
+        ("Five(1, *range(3))", True, False),
+        ("Five(*range(4), e=5)", True, False),
+        ("Five._make(range(5))", False, False),
+        ("Five._make((1, *range(4)))", False, False),
+        ("Five._make((1, 2, 3, 4, 5))", True, False),
+        ("Five._make([1, 2, *(3, 4, 5)])", True, False),
+        ("kinds.Five._make((1, 2, 3, 4, 5))", True, False),
         ("kinds.Five(1, 2, 3, 4)", True, False),
     ],
 )
@@ -240,7 +270,8 @@ def test_a_planted_call_of_what_benchmarks_declare_is_found(line: str) -> None:
     [
         ("Five(1, 2, 3, 4, 5)", True),
         ("Five(1, 2, 3, 4, e=5)", False),
-        ("Five(*range(5))", False),
+        ("Five(*range(5))", True),
+        ("Five(*range(4), e=5)", True),
         ("kinds.Five(1, 2, 3, 4, 5)", True),
     ],
 )

@@ -343,9 +343,31 @@ class Aerodynamics(NamedTuple):
 
 NO_POLAR: Final = GlidePolar(c0=NAN, c1=NAN, c2=NAN, c3=NAN, speed_min_mps=NAN, speed_max_mps=NAN)
 NO_AERODYNAMICS: Final = Aerodynamics(
-    *(NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN),
-    *(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    NO_POLAR,
+    mass_kg=NAN,
+    wing_area_m2=NAN,
+    gravity_mps2=NAN,
+    air_density_kgpm3=NAN,
+    CL0=NAN,
+    CL_alpha=NAN,
+    CL_elevator=NAN,
+    stall_alpha_rad=NAN,
+    stall_width_rad=NAN,
+    CD0=NAN,
+    CD_lift=NAN,
+    CD_separated=NAN,
+    chord_m=NAN,
+    Cm0=NAN,
+    Cm_alpha=NAN,
+    Cm_q=NAN,
+    Cm_elevator=NAN,
+    CL_brake=0.0,
+    CD_brake=0.0,
+    Cm_brake=0.0,
+    brake_throw=0.0,
+    propeller_thrust_n=0.0,
+    propeller_speed_mps=0.0,
+    propeller_lag_s=0.0,
+    polar=NO_POLAR,
 )
 
 

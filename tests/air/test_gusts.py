@@ -35,7 +35,7 @@ def _covariances(params: DrydenParams, lags: int) -> FloatArray:
     from scipy.linalg import solve_discrete_lyapunov
 
     zero3 = (0.0, 0.0, 0.0)
-    states = [DrydenState(*row) for row in np.eye(5)]
+    states = [DrydenState._make(row) for row in np.eye(5)]
     move = np.array([dryden_step(params, state, *zero3)[0] for state in states]).T
     out = np.array([dryden_step(params, state, *zero3)[1] for state in states]).T
     noise = np.array([dryden_step(params, DRYDEN_STILL, *row)[0] for row in np.eye(3)]).T

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from samples import attitude_sample, position_fix
 
 from tgl_soar.autopilot import (
     DT_MAX_S,
@@ -115,13 +116,11 @@ class Glider:
 
     def fix(self, sequence: int, time: float) -> PositionFix:
         where = ned_from_soaring(FRAME, self.x, self.y, self.z)
-        return PositionFix(
-            sequence, time, *where, *ned_vector_from_soaring(FRAME, *self.velocity())
-        )
+        return position_fix(sequence, time, where, ned_vector_from_soaring(FRAME, *self.velocity()))
 
     def attitude(self, sequence: int, time: float) -> AttitudeSample:
         q = quaternion_from_euler(self.phi, self.theta, FRAME.wind_from_rad + self.psi)
-        return AttitudeSample(sequence, time, *q, self.p, self.q, self.r)
+        return attitude_sample(sequence, time, q, (self.p, self.q, self.r))
 
 
 Spoil = Callable[[int, Inputs], Inputs]
@@ -351,7 +350,7 @@ def mode_taken(_: int, inputs: Inputs) -> Inputs:
 def upset(_: int, inputs: Inputs) -> Inputs:
     q = quaternion_from_euler(radians(61.0), 0.0, FRAME.wind_from_rad)
     a = inputs.attitude
-    return inputs._replace(attitude=AttitudeSample(a.sequence, a.time_s, *q, 0.0, 0.0, 0.0))
+    return inputs._replace(attitude=attitude_sample(a.sequence, a.time_s, q))
 
 
 REFUSALS = [
@@ -414,13 +413,13 @@ def test_it_disengages_for_a_silent_input_when_its_age_says(
 def banked(_: int, inputs: Inputs) -> Inputs:
     q = quaternion_from_euler(radians(26.0), 0.0, FRAME.wind_from_rad)
     a = inputs.attitude
-    return inputs._replace(attitude=AttitudeSample(a.sequence, a.time_s, *q, 0.0, 0.0, 0.0))
+    return inputs._replace(attitude=attitude_sample(a.sequence, a.time_s, q))
 
 
 def pitched(_: int, inputs: Inputs) -> Inputs:
     q = quaternion_from_euler(0.0, radians(-26.0), FRAME.wind_from_rad)
     a = inputs.attitude
-    return inputs._replace(attitude=AttitudeSample(a.sequence, a.time_s, *q, 0.0, 0.0, 0.0))
+    return inputs._replace(attitude=attitude_sample(a.sequence, a.time_s, q))
 
 
 @pytest.mark.parametrize(
@@ -742,7 +741,7 @@ def test_a_hundred_bad_positions_are_a_gap() -> None:
 def test_half_a_second_of_silence_ends_the_flight_and_not_the_module() -> None:
     flight = soaring()
     last = flight.inputs[-1]
-    flight.fly(0.5, lambda _, i: Inputs(i.time_s, *last[1:]))
+    flight.fly(0.5, lambda _, i: last._replace(time_s=i.time_s))
     assert flight.changes()[-1] == ("released", "attitude lost")
     flight.engage = False
     flight.fly(0.1)
@@ -910,8 +909,8 @@ def standing(
     q = quaternion_from_euler(roll, pitch, frame.wind_from_rad)
     return Inputs(
         time_s=now,
-        position=PositionFix(k + 3, now, *where, *still),
-        attitude=AttitudeSample(k + 3, now, *q, 0.0, 0.0, 0.0),
+        position=position_fix(k + 3, now, where, still),
+        attitude=attitude_sample(k + 3, now, q),
         autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
         engage=True,
     )

@@ -51,7 +51,7 @@ def flown(
     world = make_world(HILL.airframe, HILL.site, seed=4, turbulence=0.01, sensors=sensors)
     injection = Injection(tuple(parse_fault(text) for text in faults), 4)
     loop = ClosedLoop(world, HILL.values.changed({"RNG_USE": float(use)}), injection)
-    seen = Seen(*([] for _ in Seen._fields))
+    seen = Seen._make([] for _ in Seen._fields)
     while world.time_s < seconds:
         output = loop.tick()
         state = world.state

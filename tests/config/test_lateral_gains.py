@@ -100,7 +100,22 @@ def linear(model: AircraftModel, speed_mps: float) -> tuple[Floats, Floats]:
         q = quaternion_from_euler(x[2], glide.pitch_rad, x[3])
         aileron, rudder = surfaces
         state = AircraftState(
-            0.0, x[0], 0.0, 0.0, x[1], 0.0, *q, x[4], 0.0, x[5], glide.elevator, aileron, rudder
+            x_m=0.0,
+            y_m=x[0],
+            z_m=0.0,
+            velocity_x_mps=0.0,
+            velocity_y_mps=x[1],
+            velocity_z_mps=0.0,
+            qw=q[0],
+            qx=q[1],
+            qy=q[2],
+            qz=q[3],
+            roll_rate_frd_radps=x[4],
+            pitch_rate_frd_radps=0.0,
+            yaw_rate_frd_radps=x[5],
+            elevator=glide.elevator,
+            aileron=aileron,
+            rudder=rudder,
         )
         command = SurfaceCommand(glide.elevator, aileron, rudder)
         after = step(model, state, command, wind, wind, short_s)

@@ -7,6 +7,7 @@ from math import exp, inf, isfinite, nan, pi, sin, sqrt
 from random import Random
 
 import pytest
+from samples import STILL
 
 from tgl_soar.control.airspeed_error import (
     FADE_S,
@@ -20,10 +21,9 @@ from tgl_soar.control.airspeed_error import (
     airspeed_error_step,
     error_sigma,
 )
-from tgl_soar.types import VehicleState
 
 DT = 0.005
-STRAIGHT = VehicleState(*(0.0, -14, 0, 14, -2, 0, -1.4, 0, -0.02, 0, 0, 0, 0))
+STRAIGHT = STILL._replace(x_m=-14.0, z_m=14.0, velocity_x_mps=-2.0, climb_mps=-1.4, pitch_rad=-0.02)
 
 
 def weaving(time_s: float) -> float:

@@ -6,6 +6,7 @@ from math import cos, exp, log, radians, sin
 from random import Random
 
 import pytest
+from samples import STILL
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.brake_shake import BLOCK_S, SHAKEN, SHAKES_FEWEST
@@ -143,7 +144,7 @@ class Slide:
         return self
 
     def _vehicle(self) -> VehicleState:
-        nothing = VehicleState(*[0.0] * 13)
+        nothing = STILL
         return nothing._replace(
             x_m=TARGET.x_m + self.along_m * cos(ETA),
             z_m=TARGET.z_m + self.along_m * sin(ETA),

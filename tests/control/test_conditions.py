@@ -6,6 +6,7 @@ from math import inf, nan, pi, radians
 from typing import Any
 
 import pytest
+from samples import STILL
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control import conditions as c
@@ -27,7 +28,6 @@ from tgl_soar.types import (
     Health,
     Inputs,
     MotionQuality,
-    VehicleState,
 )
 
 AIRFRAME_PATH, SITE_PATH = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
@@ -55,7 +55,7 @@ SOUND = Health(
 )
 NOUGHT: dict[str, Any] = dict.fromkeys(MotionQuality._fields, 0)
 SURE = MotionQuality(**NOUGHT)._replace(position_sigma_m=0.1, inertial=True)
-LEVEL = VehicleState(*(50.0, 0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0))
+LEVEL = STILL._replace(time_s=50.0, z_m=10.0)
 CLEAR = Margins(stall_rad=0.2, clearance_m=20.0, outside=0)
 
 

@@ -6,6 +6,7 @@ from math import asin, cos, exp, inf, isfinite, isnan, nan, pi, radians, sin, sq
 from typing import Any
 
 import pytest
+from samples import STILL
 
 from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_hold import NO_GLIDE, GlidePitches, GlideState
@@ -63,7 +64,7 @@ def pitched(wanted_rad: float, slowest_rad: float = nan, fastest_rad: float = na
 
 
 def at(time_s: float = 0.0, **changes: Any) -> VehicleState:
-    usual = VehicleState(*(time_s, -6, 0, 14, 0, 0, -0.5, 0, -0.02, 0, 0, 0, 0))
+    usual = STILL._replace(time_s=time_s, x_m=-6.0, z_m=14.0, climb_mps=-0.5, pitch_rad=-0.02)
     return usual._replace(**changes)
 
 

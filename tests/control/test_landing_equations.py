@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from samples import STILL
 from scipy.optimize import brentq
 
 from tgl_soar.control import airspeed_hold, landing
@@ -70,7 +71,7 @@ SLOW = 8.4  # 0.8 m/s above the polar's slow end, which is more than 1 m/s above
 
 
 def at(**changes: Any) -> VehicleState:
-    usual = VehicleState(*(5.0, -4, 5, 14, 0, 0, -0.5, 0, -0.02, 0, 0, 0, 0))
+    usual = STILL._replace(time_s=5.0, x_m=-4.0, y_m=5.0, z_m=14.0, climb_mps=-0.5, pitch_rad=-0.02)
     return usual._replace(**changes)
 
 

@@ -6,11 +6,12 @@ from math import inf, nan, radians, sin
 from typing import Any
 
 import pytest
+from samples import STILL
 
 from tgl_soar.control import launch
 from tgl_soar.control.launch import NO_LAUNCH, LaunchParams, LaunchState, LaunchView, launch_step
 from tgl_soar.control.target_line import LineLimits
-from tgl_soar.types import NO_IMU, VehicleState
+from tgl_soar.types import NO_IMU
 
 DT = 0.005
 PARAMS = LaunchParams(
@@ -23,7 +24,9 @@ def view(time_s: float, **changes: Any) -> LaunchView:
     that is."""
     push, pitch = changes.pop("push", 0.0), changes.pop("pitch_rad", 0.05)
     speed, climb = changes.pop("upwind_mps", 0.0), changes.pop("climb_mps", 0.0)
-    vehicle = VehicleState(*(time_s, 0, 0, 5, -speed, 0, climb, 0, pitch, 0, 0, 0, 0))
+    vehicle = STILL._replace(
+        time_s=time_s, z_m=5.0, velocity_x_mps=-speed, climb_mps=climb, pitch_rad=pitch
+    )
     detected_s = time_s - changes.pop("old_s", 0.0)
     imu = NO_IMU._replace(
         sequence=round(detected_s / DT),

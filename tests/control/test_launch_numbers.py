@@ -6,6 +6,7 @@ from math import exp, inf, nan, sin
 from typing import Any
 
 import pytest
+from samples import STILL
 
 from tgl_soar.control import launch as x
 from tgl_soar.control.launch import (
@@ -20,13 +21,13 @@ from tgl_soar.control.launch import (
     starts_line,
 )
 from tgl_soar.control.target_line import LineLimits
-from tgl_soar.types import NO_IMU, VehicleState
+from tgl_soar.types import NO_IMU
 
 DT, G, NOW = 0.005, 9.80665, 50.0
 PARAMS = LaunchParams(
     wanted=True, throw_mps=1.5, wait_s=10.0, pitch_rad=0.05, line=LineLimits(0.6, 1.5, 0.1)
 )
-LEVEL = VehicleState(*(NOW, 0, 0, 5, 0, 0, 0, 0, 0.05, 0, 0, 0, 0))
+LEVEL = STILL._replace(time_s=NOW, z_m=5.0, pitch_rad=0.05)
 
 
 def view(push: float = 0.0, old_s: float = 0.0, **changes: Any) -> LaunchView:

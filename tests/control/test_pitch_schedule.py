@@ -181,7 +181,7 @@ def test_the_airframe_may_be_known_at_another_speed() -> None:
 
 
 def test_an_unknown_airframe_is_taken_to_be_that_of_the_finding() -> None:
-    unknown = Dynamics(*(0.0,) * 9)._replace(late_s=0.026, lag_s=0.0185)
+    unknown = Dynamics._make((0.0,) * 9)._replace(late_s=0.026, lag_s=0.0185)
     schedule = schedule_of(SPEED, LEAN, FOUND_ON, unknown)
     assert (schedule.stiffness, schedule.damping, schedule.bandwidth_imu) == (1.0, 1.0, 1.0)
     assert soaring(15.0, schedule=schedule).kd == pytest.approx(PID.kd)

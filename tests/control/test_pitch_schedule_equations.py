@@ -188,7 +188,7 @@ def test_age_and_speed_are_averaged_over_as_long_as_is_said() -> None:
 
 
 def test_of_an_airframe_that_is_not_known_no_more_is_taken_than_is() -> None:
-    unknown = Dynamics(*(0.0,) * 9)._replace(late_s=0.06, lag_s=0.04)
+    unknown = Dynamics._make((0.0,) * 9)._replace(late_s=0.06, lag_s=0.04)
     schedule = schedule_of(SPEED, LEAN, FOUND_ON, unknown)
     wanted = GainSchedule(
         speed_mps=SPEED,

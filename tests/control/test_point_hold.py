@@ -6,6 +6,7 @@ from math import cos, nan, radians, sin
 from typing import Any
 
 import pytest
+from samples import STILL
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.control.laws import Laws, laws_from
@@ -56,7 +57,7 @@ def gains(**changed: Any) -> BrakeGains:
 
 def at(along_m: float, speed_mps: float = 0.0) -> VehicleState:
     """On the line, so far up along it, sliding up at a speed."""
-    nothing = VehicleState(*[0.0] * 13)
+    nothing = STILL
     return nothing._replace(
         x_m=TARGET.x_m + along_m * cos(ETA),
         z_m=TARGET.z_m + along_m * sin(ETA),

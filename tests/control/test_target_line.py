@@ -214,8 +214,10 @@ def test_no_time_moves_nothing(limits: LineLimits, eta: float, speed: float, z: 
 
 def test_at_rest_on_its_target_it_says_so() -> None:
     target = TargetLine(1.0, 2.0, radians(100.0))
-    state = LineState(*target, 0.0, True)
-    assert line_step(LIMITS, state, target, 5.0, 5.0, DT) == LineState(*target, 0.0, False)
+    state = LineState(
+        x_m=target.x_m, z_m=target.z_m, eta_rad=target.eta_rad, speed_mps=0.0, moving=True
+    )
+    assert line_step(LIMITS, state, target, 5.0, 5.0, DT) == state._replace(moving=False)
     assert line_step(LIMITS, state, target, 5.0, 5.0, 0.0).moving is False
 
 

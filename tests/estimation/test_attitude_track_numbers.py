@@ -6,6 +6,7 @@ from math import inf, nan, pi
 from typing import Any
 
 import pytest
+from samples import attitude_sample, imu_sample
 
 from tgl_soar.estimation.attitude_track import (
     NO_ATTITUDE_TRACK,
@@ -27,11 +28,11 @@ ROLL, PITCH, HEADING = 0.4, 0.25, -0.3
 
 
 def sample(time_s: float, angles: tuple[float, ...], rates: tuple[float, ...]) -> AttitudeSample:
-    return AttitudeSample(1, time_s, *quaternion_from_euler(*angles), *rates)
+    return attitude_sample(1, time_s, quaternion_from_euler(*angles), rates)
 
 
 def gyros(time_s: float, *rates: float) -> ImuSample:
-    return ImuSample(1, time_s, 0.0, 0.0, -9.8, *rates)
+    return imu_sample(1, time_s, (0.0, 0.0, -9.8), rates)
 
 
 def track(time_s: float, **changes: Any) -> AttitudeTrack:

@@ -8,6 +8,7 @@ from typing import Any, cast
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from samples import attitude_sample, surfaces_sample
 
 from tgl_soar.estimation import health as h
 from tgl_soar.estimation.health import (
@@ -156,7 +157,7 @@ class Watch:
                     velocity_east_mps=0.5,
                     velocity_down_mps=0.0,
                 ),
-                attitude=AttitudeSample(self.k, now, *q, 0.0, 0.1 * cos(now), 0.0),
+                attitude=attitude_sample(self.k, now, q, (0.0, 0.1 * cos(now), 0.0)),
                 autopilot=AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True),
                 engage=True,
             )
@@ -477,7 +478,7 @@ class Servo:
         self.history.append(self.watch.command)
         if k % self.every == 0:
             seen = self.history[-1 - self.delay] if self.follows else NEUTRAL
-            self.sample = SurfacesSample(k, inputs.time_s, *seen)
+            self.sample = surfaces_sample(k, inputs.time_s, seen)
         return self.sample
 
 
@@ -636,15 +637,15 @@ def test_no_inputs_raise(data: st.DataObject) -> None:
     for _ in range(4):
         inputs = Inputs(
             time_s=data.draw(anything),
-            position=PositionFix(*draw(numbers, *[anything] * 7)),
-            attitude=AttitudeSample(*draw(numbers, *[anything] * 8)),
+            position=PositionFix._make((*draw(numbers, *[anything] * 7), 0, nan, False)),
+            attitude=AttitudeSample._make(draw(numbers, *[anything] * 8)),
             autopilot=AutopilotStatus(
                 time_s=data.draw(anything), accepts_surfaces=True, armed=True
             ),
             engage=True,
-            imu=ImuSample(*draw(numbers, *[anything] * 7)),
+            imu=ImuSample._make(draw(numbers, *[anything] * 7)),
             airspeed=AirspeedSample(*draw(numbers, anything, anything)),
-            surfaces=SurfacesSample(*draw(numbers, *[anything] * 4)),
+            surfaces=SurfacesSample._make(draw(numbers, *[anything] * 5)),
         )
         command = SurfaceCommand(*draw(anything, anything, anything))
         state, found = health_step(

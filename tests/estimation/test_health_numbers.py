@@ -8,6 +8,7 @@ from math import cos, inf, isnan, nan, radians, sin
 from typing import Any
 
 import pytest
+from samples import attitude_sample, imu_sample, surfaces_sample
 
 from tgl_soar.estimation import health as h
 from tgl_soar.estimation.health import (
@@ -24,14 +25,11 @@ from tgl_soar.types import (
     NO_IMU,
     NO_SURFACES,
     AirspeedSample,
-    AttitudeSample,
     AutopilotStatus,
     Health,
-    ImuSample,
     Inputs,
     PositionFix,
     SurfaceCommand,
-    SurfacesSample,
 )
 
 LIMITS = HealthLimits(
@@ -89,16 +87,16 @@ class Watched:
     def attitude(self, time_s: float, pitch_rad: float, **changes: Any) -> Health:
         self.number += 1
         q = (cos(0.5 * pitch_rad), 0.0, sin(0.5 * pitch_rad), 0.0)
-        usual = AttitudeSample(self.number, time_s, *q, 0.0, 0.1, 0.0)
+        usual = attitude_sample(self.number, time_s, q, (0.0, 0.1, 0.0))
         return self._look(time_s, attitude=usual._replace(**changes))
 
     def felt(self, time_s: float, force: tuple[float, float, float]) -> Health:
         self.number += 1
-        return self._look(time_s, imu=ImuSample(self.number, time_s, *force, 0.0, 0.0, 0.0))
+        return self._look(time_s, imu=imu_sample(self.number, time_s, force))
 
     def seen(self, time_s: float, dt_s: float, *surfaces: float) -> Health:
         self.number += 1
-        return self._look(time_s, dt_s, surfaces=SurfacesSample(self.number, time_s, *surfaces))
+        return self._look(time_s, dt_s, surfaces=surfaces_sample(self.number, time_s, surfaces))
 
 
 def _used(now_s: float) -> MotionState:

@@ -126,7 +126,7 @@ def posterior(seed: int) -> tuple[Errors, Floats, Floats]:
     mean = dice.normal(size=(3, 3))
     root = dice.normal(size=(3, 3))
     p = root @ root.T + 0.1 * np.eye(3)
-    covariance = Covariance(*(float(p[i, j]) for i, j in np.argwhere(np.tri(3).T > 0.0)))
+    covariance = Covariance._make((float(p[i, j]) for i, j in np.argwhere(np.tri(3).T > 0.0)))
     errors = Errors._make([1.0, *mean.ravel().tolist(), covariance])
     return errors, mean, p
 
@@ -154,7 +154,7 @@ def test_errors_are_carried_on_by_the_matrix(seed: int, coupling: float, t: floa
             ]
         )
         grown = spread(errors.covariance, t, coupling, q, 0.3)
-        assert matrix(Covariance(*grown)) == pytest.approx(f @ p @ f.T + noise)
+        assert matrix(Covariance._make(grown)) == pytest.approx(f @ p @ f.T + noise)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from samples import attitude_sample, position_fix
 from scipy.spatial.transform import Rotation
 
 from tgl_soar.estimation.attitude_track import PREDICT_MAX_S
@@ -79,7 +80,7 @@ def fix_at(
 ) -> PositionFix:
     """A fix of a position and a velocity in the soaring frame."""
     ned = ned_from_soaring(FRAME, *where)
-    return PositionFix(sequence, stamp, *ned, *ned_vector_from_soaring(FRAME, *velocity))
+    return position_fix(sequence, stamp, ned, ned_vector_from_soaring(FRAME, *velocity))
 
 
 def position(v: VehicleState) -> Vector:
@@ -168,7 +169,7 @@ def test_an_oscillation_along_the_line_is_followed() -> None:
 LAST = 10.0 + 39 * DT
 NOW = 10.0 + 40 * DT
 LAST_FIX = fix_at(40, LAST, straight(LAST), STRAIGHT)
-LAST_SAMPLE = AttitudeSample(40, LAST, *LEVEL, 0.0, 0.0, 0.0)
+LAST_SAMPLE = attitude_sample(40, LAST, LEVEL)
 
 
 def settled() -> MotionState:
@@ -202,7 +203,7 @@ def without_count(state: MotionState) -> str:
 def test_the_same_sample_twice_is_no_news() -> None:
     state = settled()
     fix = fix_at(99, NOW, straight(NOW), STRAIGHT)
-    sample = AttitudeSample(99, NOW, *LEVEL, 0.1, 0.2, 0.3)
+    sample = attitude_sample(99, NOW, LEVEL, (0.1, 0.2, 0.3))
     once, _ = motion_step(GAINS, FRAME, state, mid(NOW, fix, sample))
     twice, _ = motion_step(GAINS, FRAME, once, mid(NOW + DT, fix, sample))
     assert repr(twice) == repr(once)
@@ -285,8 +286,8 @@ def test_half_a_velocity_is_none(place: int, bad: float) -> None:
     state = settled()
     numbers = [100.0, 100.0, 100.0]
     numbers[place] = bad
-    fix = PositionFix(
-        99, NOW, *ned_from_soaring(FRAME, *straight(NOW)), numbers[0], numbers[1], numbers[2]
+    fix = position_fix(
+        99, NOW, ned_from_soaring(FRAME, *straight(NOW)), (numbers[0], numbers[1], numbers[2])
     )
     after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, fix))
     assert after.rejected == state.rejected
@@ -320,7 +321,7 @@ def test_a_clock_that_goes_back_resets_it() -> None:
     """What is known is of the future: new samples would be refused as late for all of the jump."""
     state = settled()
     fix = fix_at(99, 3.0, (7.0, 8.0, 9.0), (0.1, 0.0, 0.0))
-    sample = AttitudeSample(99, 3.0, *quaternion_from_euler(0.1, 0.2, 0.3), nan, nan, nan)
+    sample = attitude_sample(99, 3.0, quaternion_from_euler(0.1, 0.2, 0.3), (nan, nan, nan))
     after, vehicle = motion_step(GAINS, FRAME, state, mid(3.0, fix, sample))
     assert after.rejected == state.rejected
     assert position(vehicle) == pytest.approx((7.0, 8.0, 9.0))
@@ -351,7 +352,7 @@ def test_one_sample_lost_in_five_costs_nothing_on_a_straight_flight() -> None:
 def test_attitude_is_scipys(roll: float, pitch: float, yaw: float, length: float) -> None:
     x, y, z, w = (float(v) for v in Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat())
     numbers = (length * w, length * x, length * y, length * z)
-    sample = AttitudeSample(1, 0.0, *numbers, 0.0, 0.0, 0.0)
+    sample = attitude_sample(1, 0.0, numbers)
     _, vehicle = motion_step(GAINS, FRAME, initial_motion(), tick(0.0, NO_FIX, sample))
     assert vehicle.pitch_rad == pytest.approx(pitch, abs=1e-6)
     assert remainder(vehicle.roll_rad - roll, 2 * pi) == pytest.approx(0.0, abs=1e-6)
@@ -361,7 +362,7 @@ def test_attitude_is_scipys(roll: float, pitch: float, yaw: float, length: float
 
 def test_heading_is_nought_where_the_wind_comes_from() -> None:
     q = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
-    sample = AttitudeSample(1, 0.0, *q, 0.0, 0.0, 0.0)
+    sample = attitude_sample(1, 0.0, q)
     _, vehicle = motion_step(GAINS, FRAME, initial_motion(), tick(0.0, NO_FIX, sample))
     assert vehicle.heading_rad == pytest.approx(0.0, abs=1e-9)
 
@@ -383,7 +384,7 @@ def test_heading_is_nought_where_the_wind_comes_from() -> None:
 )
 def test_a_bad_attitude_is_refused_and_counted(bad: dict[str, Any]) -> None:
     state = settled()
-    sample = AttitudeSample(99, NOW, *LEVEL, 9.0, 9.0, 9.0)._replace(**bad)
+    sample = attitude_sample(99, NOW, LEVEL, (9.0, 9.0, 9.0))._replace(**bad)
     after, vehicle = motion_step(GAINS, FRAME, state, mid(NOW, LAST_FIX, sample))
     assert after.rejected == state.rejected + 1
     assert without_count(after) == without_count(state)
@@ -409,7 +410,7 @@ def test_rates_are_those_of_the_angles_with_and_without_gyros(gyros: bool) -> No
                 Rotation.from_euler("ZYX", turning(t + s)[::-1]) for s in (-1e-5, 1e-5)
             )
             p, q, r = (float(v) for v in (before.inv() * after).as_rotvec() / 2e-5)
-        sample = AttitudeSample(k + 1, t, *quaternion_from_euler(roll, pitch, yaw), p, q, r)
+        sample = attitude_sample(k + 1, t, quaternion_from_euler(roll, pitch, yaw), (p, q, r))
         state, vehicle = motion_step(GAINS, FRAME, state, mid(t, LAST_FIX, sample))
         if k > 0 or gyros:
             rates = (vehicle.roll_rate_radps, vehicle.pitch_rate_radps, vehicle.heading_rate_radps)
@@ -422,7 +423,7 @@ def test_differences_over_a_gap_are_no_rates() -> None:
     state = settled()
     later = LAST + PREDICT_MAX_S + 0.01
     q = quaternion_from_euler(0.5, 0.0, 0.0)
-    sample = AttitudeSample(99, later, *q, nan, nan, nan)
+    sample = attitude_sample(99, later, q, (nan, nan, nan))
     _, vehicle = motion_step(GAINS, FRAME, state, mid(later, LAST_FIX, sample))
     assert vehicle.roll_rate_radps == 0.0
 
@@ -437,7 +438,7 @@ def test_samples_microseconds_apart_make_no_rate(apart_s: float) -> None:
         t = 0.02 * pair + second * apart_s
         roll, pitch, yaw = turning(t)
         q = quaternion_from_euler(roll + second * jitter, pitch - second * jitter, yaw)
-        sample = AttitudeSample(k + 1, t, *q, nan, nan, nan)
+        sample = attitude_sample(k + 1, t, q, (nan, nan, nan))
         state, v = motion_step(GAINS, FRAME, state, mid(t, LAST_FIX, sample))
         if pair > 0:
             rates = (v.roll_rate_radps, v.pitch_rate_radps, v.heading_rate_radps)
@@ -446,7 +447,7 @@ def test_samples_microseconds_apart_make_no_rate(apart_s: float) -> None:
 
 def test_attitude_is_carried_on_with_its_rates_but_not_for_long() -> None:
     q = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)  # level: Euler rates are the gyros'
-    sample = AttitudeSample(1, 7.0, *q, 0.3, 0.4, -0.5)
+    sample = attitude_sample(1, 7.0, q, (0.3, 0.4, -0.5))
     state, _ = motion_step(GAINS, FRAME, initial_motion(), tick(7.0, NO_FIX, sample))
     for age, carried in ((0.0, 0.0), (0.02, 0.02), (PREDICT_MAX_S, PREDICT_MAX_S), (5.0, 0.1)):
         _, v = motion_step(GAINS, FRAME, state, tick(7.0 + age, NO_FIX, sample))
@@ -462,7 +463,7 @@ def test_half_a_gyro_is_none(place: int) -> None:
     state = settled()
     numbers = [9.0, 9.0, 9.0]
     numbers[place] = nan
-    sample = AttitudeSample(99, NOW, *LEVEL, *numbers)
+    sample = attitude_sample(99, NOW, LEVEL, numbers)
     after, v = motion_step(GAINS, FRAME, state, mid(NOW, LAST_FIX, sample))
     assert after.rejected == state.rejected
     assert (v.roll_rate_radps, v.pitch_rate_radps, v.heading_rate_radps) == (0.0, 0.0, 0.0)
@@ -489,8 +490,8 @@ def test_a_site_turned_and_moved_gives_the_same_state(
             speed = ned_vector_from_soaring(frame, 0.4, wobble, -0.3)
             yaw = frame.wind_from_rad + 0.2 + wobble * t
             q = quaternion_from_euler(0.1 + wobble * t, -0.2, yaw)
-            sample = AttitudeSample(k + 1, t, *q, 0.1, wobble, -0.2)
-            fix = PositionFix(k + 1, t, *ned, *speed)
+            sample = attitude_sample(k + 1, t, q, (0.1, wobble, -0.2))
+            fix = position_fix(k + 1, t, ned, speed)
             state, vehicle = motion_step(GAINS, frame, state, tick(t, fix, sample))
         return vehicle
 
@@ -585,7 +586,7 @@ class Turns:
         last = self.state.attitude.time_s if isnan(now) else now
         stamp = later_s if isnan(last) else last + later_s
         q = quaternion_from_euler(radians(roll_deg), 0.0, FRAME.wind_from_rad)
-        sample = AttitudeSample(self.k, stamp, *q, rate, 0.0, 0.0)
+        sample = attitude_sample(self.k, stamp, q, (rate, 0.0, 0.0))
         self.state, self.vehicle = motion_step(
             GAINS, FRAME, self.state, tick(stamp, NO_FIX, sample)
         )

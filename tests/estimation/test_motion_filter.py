@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from samples import attitude_sample, imu_sample, position_fix
 from scipy.stats import chi2
 
 from tgl_soar.estimation.motion import (
@@ -81,20 +82,20 @@ def force(acceleration: Vector) -> Vector:
 
 
 def level(k: int) -> AttitudeSample:
-    return AttitudeSample(k + 1, k * DT, *UPWIND, 0.0, 0.0, 0.0)
+    return attitude_sample(k + 1, k * DT, UPWIND)
 
 
 def accelerations(k: int, acceleration: Vector) -> ImuSample:
-    return ImuSample(k + 1, k * DT, *force(acceleration), 0.0, 0.0, 0.0)
+    return imu_sample(k + 1, k * DT, force(acceleration))
 
 
 def fix_at(k: int, where: Vector, speed: Vector = (nan, nan, nan), source: int = 0) -> PositionFix:
     """A fix of tick k, soaring frame."""
-    return PositionFix(
+    return position_fix(
         k + 1,
         k * DT,
-        *ned_from_soaring(FRAME, *where),
-        *ned_vector_from_soaring(FRAME, *speed),
+        ned_from_soaring(FRAME, *where),
+        ned_vector_from_soaring(FRAME, *speed),
         source,
     )
 
@@ -592,17 +593,11 @@ def test_whatever_comes_the_estimate_stays_a_number(data: st.DataObject) -> None
         rates = [data.draw(st.floats(-9.0, 9.0)) for _ in range(3)]
         inputs = tick(
             now,
-            PositionFix(
-                *(
-                    k + 1,
-                    data.draw(stamp),
-                    numbers[0],
-                    numbers[1],
-                    numbers[2],
-                    numbers[3],
-                    numbers[4],
-                    numbers[5],
-                ),
+            position_fix(
+                k + 1,
+                data.draw(stamp),
+                (numbers[0], numbers[1], numbers[2]),
+                (numbers[3], numbers[4], numbers[5]),
                 k % 3,
             ),
             ImuSample(
@@ -615,7 +610,7 @@ def test_whatever_comes_the_estimate_stays_a_number(data: st.DataObject) -> None
                 pitch_rate_frd_radps=numbers[10],
                 yaw_rate_frd_radps=numbers[11],
             ),
-            AttitudeSample(k + 1, data.draw(stamp), *UPWIND, rates[0], rates[1], rates[2]),
+            attitude_sample(k + 1, data.draw(stamp), UPWIND, (rates[0], rates[1], rates[2])),
         )
         state, v = motion_step(GAINS, FRAME, state, inputs)
         assert all(isfinite(number) for number in v[1:7])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from samples import attitude_sample, imu_sample
 from scipy.spatial.transform import Rotation
 from test_position_fixes import ERRORS, FRAME, GAINS, TRACK_V, fix, known, place
 
@@ -58,11 +59,11 @@ def attitude(time_s: float, angles: Triple = ANGLES, sequence: int = 2) -> Attit
     """Angles in the soaring frame, at rest."""
     roll, pitch, heading = angles
     q = quaternion_from_euler(roll, pitch, FRAME.wind_from_rad + heading)
-    return AttitudeSample(sequence, time_s, *q, 0.0, 0.0, 0.0)
+    return attitude_sample(sequence, time_s, q)
 
 
 def imu(time_s: float, force: Triple = (0.1, 0.2, -9.8), sequence: int = 2) -> ImuSample:
-    return ImuSample(sequence, time_s, *force, nan, nan, nan)
+    return imu_sample(sequence, time_s, force, (nan, nan, nan))
 
 
 def inputs(

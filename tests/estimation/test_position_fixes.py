@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from samples import position_fix
 
 from tgl_soar.estimation.fix_filter import Covariance, Errors
 from tgl_soar.estimation.inertial_track import Node, new_track
@@ -88,11 +89,11 @@ def place(errors: Errors, time_s: float) -> tuple[Floats, Floats]:
 def fix(
     time_s: float, where: Floats | Triple, speed: Floats | Triple = NO_SPEED, **changes: Any
 ) -> PositionFix:
-    return PositionFix(
+    return position_fix(
         2,
         time_s,
-        *ned_from_soaring(FRAME, float(where[0]), float(where[1]), float(where[2])),
-        *ned_vector_from_soaring(FRAME, float(speed[0]), float(speed[1]), float(speed[2])),
+        ned_from_soaring(FRAME, float(where[0]), float(where[1]), float(where[2])),
+        ned_vector_from_soaring(FRAME, float(speed[0]), float(speed[1]), float(speed[2])),
         source=4,
     )._replace(**changes)
 
@@ -231,7 +232,7 @@ def test_a_stamp_may_be_five_hundredths_ahead() -> None:
 @pytest.mark.parametrize(("time_s", "used"), [(1.19, False), (1.21, True)])
 def test_of_a_time_that_the_track_has_forgotten_nothing_is_used(time_s: float, used: bool) -> None:
     track = known().track
-    nodes: Any = tuple(Node(1.2 + 0.01 * i, *track[1:7]) for i in range(8))
+    nodes: Any = tuple(Node._make((1.2 + 0.01 * i, *track[1:7])) for i in range(8))
     found = take(
         known(track=track._replace(nodes=nodes)), off(known(), time_s, (0.0, 0.0, 0.0)), now_s=1.3
     )

@@ -431,12 +431,12 @@ def test_no_number_makes_it_raise_and_it_recovers(numbers: list[float], sensors:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     *_, (state, _) = glide.measured(0.1, imu=True, pitot=True)
     bad: Any = numbers
-    force = ImuSample(99, 0.105, *bad[:6]) if sensors & 1 else NO_IMU
+    force = ImuSample._make((99, 0.105, *bad[:6])) if sensors & 1 else NO_IMU
     speed = AirspeedSample(99, 0.105, bad[6]) if sensors & 2 else NO_AIRSPEED
     state, air = wind_step(
         PARAMS,
         state,
-        VehicleState(0.105, *bad[6:18]),
+        VehicleState._make((0.105, *bad[6:18])),
         inputs_at(0.105, force, speed),
         bad[1],
         bad[0],

@@ -86,8 +86,9 @@ def known() -> tuple[Numbers, Numbers]:
 
 
 def posterior(mean: Numbers, p: Numbers) -> WindPosterior:
+    own = p[0, 0], p[0, 1], p[1, 1]
     crossed = [p[i, j] for j in range(2, 7) for i in range(2)]
-    return WindPosterior(mean[0], mean[1], p[0, 0], p[0, 1], p[1, 1], *crossed)
+    return WindPosterior._make((mean[0], mean[1], *own, *crossed))
 
 
 def axes() -> Numbers:

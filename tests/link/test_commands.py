@@ -37,7 +37,13 @@ def command(
     number: int, *params: float, confirmation: int = 0, target: tuple[int, int] = OWN
 ) -> CommandLong:
     padded = (*params, *[0.0] * (7 - len(params)))
-    return CommandLong(*target, number, confirmation, padded[:7])  # type: ignore[arg-type]
+    return CommandLong(
+        target_system=target[0],
+        target_component=target[1],
+        command=number,
+        confirmation=confirmation,
+        params=padded[:7],  # type: ignore[arg-type]
+    )
 
 
 def results(said: list[Outbound] | list[CommandAck]) -> list[int]:

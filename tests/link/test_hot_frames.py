@@ -45,7 +45,7 @@ def same_names(kind: type[Any]) -> Callable[[Any], Inbound]:
 
 
 def scaled_imu(m: Any) -> Inbound:
-    return ScaledImu(m.get_msgId(), *(getattr(m, name) for name in ScaledImu._fields[1:]))
+    return ScaledImu._make((m.get_msgId(), *(getattr(m, name) for name in ScaledImu._fields[1:])))
 
 
 def servo_output_raw(m: Any) -> Inbound:

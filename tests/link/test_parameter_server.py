@@ -82,8 +82,15 @@ def test_what_is_meant_for_others_is_left_alone(target: tuple[int, int]) -> None
     before = served.values
     assert ask(served, ParamRequestList(*target)) == []
     assert ask(served, ParamRequestRead(*target, "TGL_X", -1)) == []
-    assert ask(served, ParamSet(*target, "TGL_X", 1.0, REAL32)) == []
-    assert ask(served, ParamSet(*target, "NOPE", 1.0, REAL32)) == []
+    for name in ("TGL_X", "NOPE"):
+        change = ParamSet(
+            target_system=target[0],
+            target_component=target[1],
+            param_id=name,
+            param_value=1.0,
+            param_type=REAL32,
+        )
+        assert ask(served, change) == []
     assert served.poll(0.0) == []
     assert served.values is before
 

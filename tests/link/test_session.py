@@ -543,7 +543,25 @@ def test_odometry_in_local_frames_keeps_its_velocity() -> None:
 def test_a_velocity_in_body_axes_needs_an_attitude(q: tuple[float, float, float, float]) -> None:
     """A quaternion of zeros, MAVLink's for an unknown one, would leave it as it is."""
     talk = session()
-    hear(talk, Odometry(*(5, 1, 12, 1, 2, -3, q, 4, 5, 6, 0, 0, 0)), 1.0)
+    hear(
+        talk,
+        Odometry(
+            time_usec=5,
+            frame_id=1,
+            child_frame_id=12,
+            x=1,
+            y=2,
+            z=-3,
+            q=q,
+            vx=4,
+            vy=5,
+            vz=6,
+            rollspeed=0,
+            pitchspeed=0,
+            yawspeed=0,
+        ),
+        1.0,
+    )
     assert talk.position[2:5] == (1, 2, -3)
     assert all(isnan(component) for component in talk.position[5:8])
 
@@ -552,7 +570,19 @@ def test_odometry_in_frames_of_another_kind_is_refused_and_reported_once() -> No
     talk = session()
     for i, (frame, child) in enumerate(((4, 12), (21, 12), (1, 21), (0, 0))):
         odometry = Odometry(
-            *(10 * i, frame, child, 1, 2, 3, (1.0, 0.0, 0.0, 0.0), 0, 0, 0, 0, 0, 0)
+            time_usec=10 * i,
+            frame_id=frame,
+            child_frame_id=child,
+            x=1,
+            y=2,
+            z=3,
+            q=(1.0, 0.0, 0.0, 0.0),
+            vx=0,
+            vy=0,
+            vz=0,
+            rollspeed=0,
+            pitchspeed=0,
+            yawspeed=0,
         )
         hear(talk, odometry, 1.0)
     assert talk.position.sequence == 0

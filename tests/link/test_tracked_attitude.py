@@ -7,6 +7,7 @@ from itertools import pairwise
 from math import cos, nan, pi, radians, sin
 
 import pytest
+from samples import attitude_sample
 
 from tgl_soar.link.sources import Quaternion
 from tgl_soar.link.tracked_attitude import FRESH_S, RETURN_S, TILT_RAD, TrackedAttitude
@@ -42,7 +43,7 @@ class Flight:
             self.now_s = 0.005 * self._steps
             sample = NO_ATTITUDE
             if reported is not None:
-                sample = AttitudeSample(self._steps, self.now_s - 0.005, *reported, 0.1, 0.2, 0.3)
+                sample = attitude_sample(self._steps, self.now_s - 0.005, reported, (0.1, 0.2, 0.3))
             if pose is not None and self._steps % 2 == 0:
                 self.tracked.take(pose, self.now_s - 0.015, sample)
             self.given.append(self.tracked.choose(self.now_s, sample))
@@ -104,7 +105,7 @@ def test_a_body_that_is_tilted_against_the_autopilot_s_vertical_is_refused(
 
 def test_the_first_attitude_of_an_autopilot_is_enough_to_refuse_a_body_that_is_tilted() -> None:
     tracked = TrackedAttitude()
-    reported = AttitudeSample(1, 10.0, *rolled(0.0), 0.0, 0.0, 0.0)
+    reported = attitude_sample(1, 10.0, rolled(0.0))
     tracked.take(rolled(2.0 * TILT_RAD), 10.0, reported)
     assert (tracked.used, tracked.refused) == (0, 1)
     tracked.take(rolled(2.0 * TILT_RAD), 10.0, NO_ATTITUDE)  # nobody to ask
@@ -132,7 +133,7 @@ def test_without_an_autopilot_s_attitude_the_tracker_s_is_taken_at_once_without_
 
 def test_old_poses_are_not_fresher_than_none() -> None:
     tracked = TrackedAttitude()
-    reported = AttitudeSample(1, 10.0, *rolled(0.0), 0.0, 0.0, 0.0)
+    reported = attitude_sample(1, 10.0, rolled(0.0))
     for i in range(400):
         now_s = 10.0 + 0.01 * i
         tracked.take(turned(0.5), now_s - FRESH_S - 0.01, reported)
@@ -148,7 +149,7 @@ def test_what_is_no_rotation_is_no_agreement() -> None:
 def test_another_clock_forgets_what_was_timed_by_the_old_one() -> None:
     flight = Flight().runs(3.0, turned(0.5))
     flight.tracked.reset()
-    reported = AttitudeSample(9, 0.0, *rolled(0.0), 0.0, 0.0, 0.0)
+    reported = attitude_sample(9, 0.0, rolled(0.0))
     assert flight.tracked.choose(0.0, reported)[2:6] == rolled(0.0)
 
 
@@ -162,7 +163,7 @@ def test_a_pose_without_a_rotation_is_not_flown_with() -> None:
 
 
 def reported_at(time_s: float, attitude: Quaternion = LEVEL, sequence: int = 1) -> AttitudeSample:
-    return AttitudeSample(sequence, time_s, *attitude, 0.1, 0.2, 0.3)
+    return attitude_sample(sequence, time_s, attitude, (0.1, 0.2, 0.3))
 
 
 def steady(until_s: float = 12.5, pose: Quaternion = LEVEL) -> TrackedAttitude:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import atan2, cos, hypot, isfinite, nan, pi, sin, sqrt
 from types import FunctionType
@@ -275,7 +275,7 @@ def _modes(speed_mps: float) -> list[complex]:
         def moved(by: float, i: int = i) -> NDArray[np.float64]:
             values = list(start)
             values[i] += by
-            state = AircraftState(*values)
+            state = AircraftState._make(values)
             return np.array(step(MODEL, state, _hold(state), STILL, STILL, dt)[3:13])
 
         columns.append((moved(1e-6) - moved(-1e-6)) / 2e-6)
@@ -481,18 +481,28 @@ def test_surfaces_at_both_ends_of_the_step_count() -> None:
 # --- extremes -------------------------------------------------------------------------------
 
 
+def moving(q: Sequence[float], **changes: float) -> AircraftState:
+    """In an attitude; what is not given is zero."""
+    attitude = dict(zip(("qw", "qx", "qy", "qz"), q, strict=True))
+    still = dict.fromkeys(AircraftState._fields, 0.0)
+    return AircraftState(**(still | attitude | changes))
+
+
 def test_it_stays_finite_whatever_happens_to_it() -> None:
     draw = random.Random(1)
     for case in range(150):
         q = [draw.gauss(0.0, 1.0) for _ in range(4)]
         unit = sqrt(sum(v * v for v in q))
         fast = 100.0 if case % 3 else 10.0
-        state = AircraftState(
-            *(draw.uniform(-5.0, 5.0) for _ in range(3)),
-            *(draw.uniform(-fast, fast) for _ in range(3)),
-            *(v / unit for v in q),
-            *(draw.uniform(-30.0, 30.0) for _ in range(3)),
-            *(draw.uniform(-1.0, 1.0) for _ in range(3)),
+        state = AircraftState._make(
+            (
+                *(draw.uniform(-5.0, 5.0) for _ in range(3)),
+                *(draw.uniform(-fast, fast) for _ in range(3)),
+                *(v / unit for v in q),
+                *(draw.uniform(-30.0, 30.0) for _ in range(3)),
+                *(draw.uniform(-1.0, 1.0) for _ in range(3)),
+                *(0.0, 0.0),
+            )
         )
         surfaces = SurfaceCommand(*(draw.choice((-1.0, 0.0, 1.0)) for _ in range(3)))
         for _ in range(4):
@@ -508,7 +518,7 @@ def test_it_stays_finite_whatever_happens_to_it() -> None:
 @pytest.mark.parametrize("roll_rad", [0.0, pi / 2.0, pi])
 def test_it_starts_from_rest_in_any_attitude(pitch_rad: float, roll_rad: float) -> None:
     q = quaternion_from_euler(roll_rad, pitch_rad, 0.0)
-    state = AircraftState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *q, *(0.0,) * 6)
+    state = moving(q)
     assert specific_force_frd(MODEL, state, STILL) == (0.0, 0.0, 0.0)
     for _ in range(2000):  # 10 s: it falls, turns its nose down and flies
         state = step(MODEL, state, _hold(state), STILL, STILL, DT_S)
@@ -528,7 +538,7 @@ def test_drag_is_never_negative() -> None:
     for _ in range(2000):
         angles = [draw.uniform(-pi, pi) for _ in range(3)]
         q = quaternion_from_euler(angles[0], angles[1], angles[2])
-        state = AircraftState(0.0, 0.0, 0.0, -9.0, 0.0, -1.0, *q, *(0.0,) * 6)
+        state = moving(q, velocity_x_mps=-9.0, velocity_z_mps=-1.0)
         air = air_velocity_frd(state, STILL)
         force = specific_force_frd(MODEL, state, STILL)
         assert sum(a * f for a, f in zip(air, force, strict=True)) < 0.0
@@ -538,7 +548,7 @@ def test_it_glides_on_its_side_as_the_lift_law_says() -> None:
     # what lift_drag says is what step feels: no second law hides in the innermost loop
     for alpha in (-0.5, -0.1, 0.1, 0.22, 0.6, 1.4, 2.5):
         q = quaternion_from_euler(0.0, alpha, 0.0)
-        state = AircraftState(0.0, 0.0, 0.0, -9.0, 0.0, 0.0, *q, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0)
+        state = moving(q, velocity_x_mps=-9.0, elevator=0.2)
         cl, cd = lift_drag(MODEL, alpha, 0.2)
         fx, _, fz = specific_force_frd(MODEL, state, STILL)
         per_mass = _pressure(MODEL, 9.0) / MODEL.mass_kg

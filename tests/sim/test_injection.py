@@ -8,6 +8,7 @@ from random import Random
 from typing import Any
 
 import pytest
+from samples import attitude_sample
 
 from tgl_soar.air.hill import HillField
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
@@ -124,9 +125,7 @@ def fix(sequence: int) -> PositionFix:
 
 
 def level(sequence: int) -> AttitudeSample:
-    return AttitudeSample(
-        sequence, sequence * DT, *quaternion_from_euler(0.1, 0.2, 0.3), 0.0, 0.0, 0.0
-    )
+    return attitude_sample(sequence, sequence * DT, quaternion_from_euler(0.1, 0.2, 0.3))
 
 
 def positions(*faults: str, count: int = 50) -> list[PositionFix]:

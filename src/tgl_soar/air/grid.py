@@ -26,6 +26,9 @@ class GridError(ValueError):
     """A grid that cannot be used; the message names the file, what, where, and what helps."""
 
 
+Axis = tuple[float, float, int]  # start, step and count
+
+
 class GridTable(NamedTuple):
     """A regular grid in x and z; node (i, k) has its (u, w) at 2 (i nz + k) of `values`."""
 
@@ -244,16 +247,14 @@ class GridField:
         self.table: GridTable | GridTable3D
         if y_m is None:
             flat = np.stack([u, w], axis=-1).ravel().tolist()
-            self.table = GridTable(*axes[0], *axes[1], flat)
+            self.table = _table(axes, flat)
             self._cross = (
-                None
-                if v_mps is None
-                else GridTable(*axes[0], *axes[1], np.stack([v, v], axis=-1).ravel().tolist())
+                None if v_mps is None else _table(axes, np.stack([v, v], axis=-1).ravel().tolist())
             )
         else:
             self._cross = None
             flat = np.stack([u, v, w], axis=-1).ravel().tolist()
-            self.table = GridTable3D(*axes[0], *axes[1], *axes[2], flat)
+            self.table = _table_3d(axes, flat)
 
     @property
     def reference_wind_mps(self) -> float:
@@ -337,7 +338,7 @@ def _cells_with(mark: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return result
 
 
-def _even_axis(name: str, axis: str, values: ArrayLike) -> tuple[float, float, int]:
+def _even_axis(name: str, axis: str, values: ArrayLike) -> Axis:
     """Start, step and count of an evenly spaced axis."""
     places = np.asarray(values, dtype=np.float64)
     if places.ndim != 1 or len(places) < 2:
@@ -354,6 +355,27 @@ def _even_axis(name: str, axis: str, values: ArrayLike) -> tuple[float, float, i
             f" even spacing puts it at {even[worst]:.6g} m"
         )
     return float(places[0]), step, len(places)
+
+
+def _table(axes: Sequence[Axis], values: list[float]) -> GridTable:
+    (x0_m, dx_m, nx), (z0_m, dz_m, nz) = axes
+    return GridTable(x0_m=x0_m, dx_m=dx_m, nx=nx, z0_m=z0_m, dz_m=dz_m, nz=nz, values=values)
+
+
+def _table_3d(axes: Sequence[Axis], values: list[float]) -> GridTable3D:
+    (x0_m, dx_m, nx), (y0_m, dy_m, ny), (z0_m, dz_m, nz) = axes
+    return GridTable3D(
+        x0_m=x0_m,
+        dx_m=dx_m,
+        nx=nx,
+        y0_m=y0_m,
+        dy_m=dy_m,
+        ny=ny,
+        z0_m=z0_m,
+        dz_m=dz_m,
+        nz=nz,
+        values=values,
+    )
 
 
 def _nodes(name: str, part: str, values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:

@@ -88,7 +88,10 @@ def _fit(pairs: Sequence[Pair], z_up: bool) -> Alignment:
         HallFrame(z_up=z_up, yaw_rad=yaw, origin_north_m=0.0, origin_east_m=0.0, origin_down_m=0.0),
         *_raw(hall_mean, z_up),
     )
-    frame = HallFrame(z_up, yaw, *_less(site_mean, turned))
+    north, east, down = _less(site_mean, turned)
+    frame = HallFrame(
+        z_up=z_up, yaw_rad=yaw, origin_north_m=north, origin_east_m=east, origin_down_m=down
+    )
     residuals = tuple(_less(ned_from_hall(frame, *pair.hall), pair.site) for pair in pairs)
     squares = sum(_length(r) ** 2 for r in residuals)
     # Four numbers were fitted to three of each point; two axes of three turn the hall.

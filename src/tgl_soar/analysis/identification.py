@@ -588,4 +588,4 @@ def body_from(airframe: dict[str, float], model: dict[str, float]) -> KnownAircr
         if value is None or not isfinite(value) or value <= 0.0:
             raise IdentificationError(f"{where}.{name} = {value}: needed, and positive")
         values.append(float(value))
-    return KnownAircraft(*values)
+    return KnownAircraft._make(values)

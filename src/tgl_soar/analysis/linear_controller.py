@@ -235,7 +235,7 @@ def fix_matrices(
     velocity = sensors.position.gives_velocity
 
     def taken(covariance: Covariance, place: float, rate: float) -> Errors:
-        none = Errors(*(0.0,) * 10, covariance)
+        none = Errors._make((*[0.0] * 10, covariance))
         errors = position_taken(none, place, 0.0, 0.0, gains.fix_sd_m**2)
         if velocity:
             left = rate - errors.velocity_x_mps
@@ -246,7 +246,9 @@ def fix_matrices(
     covariance = Covariance(pp=1.0, pv=0.0, pb=0.0, vv=1.0, vb=0.0, bb=bias)
     # A filter of bandwidth ω settles in a few / ω; the slowest here, the bias, in about 10 s.
     for _ in range(round(60.0 / interval_s)):
-        covariance = Covariance(*spread(covariance, interval_s, coupling, density, bias_density))
+        covariance = Covariance._make(
+            spread(covariance, interval_s, coupling, density, bias_density)
+        )
         settled = covariance
         covariance = taken(covariance, 0.0, 0.0).covariance
     columns = []

@@ -209,7 +209,13 @@ class _Bench:
 
 def _rate_request(autopilot: Source, message_id: int, rate_hz: float) -> CommandLong:
     numbers = (float(message_id), 1e6 / rate_hz, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return CommandLong(*autopilot, COMMAND_SET_MESSAGE_INTERVAL, 0, numbers)
+    return CommandLong(
+        target_system=autopilot.system,
+        target_component=autopilot.component,
+        command=COMMAND_SET_MESSAGE_INTERVAL,
+        confirmation=0,
+        params=numbers,
+    )
 
 
 def _nobody(sight: str) -> bool | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from math import degrees, radians
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -33,6 +33,9 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.sim.world import ground_outline, site_field
+
+if TYPE_CHECKING:
+    from tgl_soar.analysis.report.zeuc_figure import DrawnLine
 
 
 def zeuc(
@@ -75,7 +78,7 @@ def zeuc(
         "site": place.site.name,
         "airframe": loaded.airframe.name,
         "bounds_m": area,
-        "core": Core(*middle)._asdict(),
+        "core": middle._asdict(),
         "lines": {
             name: {
                 "x_m": target.x_m,
@@ -90,17 +93,14 @@ def zeuc(
     }
     data = _written(out, numbers)
     try:
-        from tgl_soar.analysis.report.zeuc_figure import DrawnLine, zeuc_figure
+        from tgl_soar.analysis.report.zeuc_figure import zeuc_figure
 
         zeuc_figure(
             out,
             field,
             polar,
             area,
-            [
-                DrawnLine(name, *target, [(c["x_m"], c["z_m"], c["stable"]) for c in met[name]])
-                for name, target in lines.items()
-            ],
+            _drawn(lines, met),
             (middle.x_m, middle.z_m),
             f"{place.site.name}, {loaded.airframe.name}",
             ground_outline(place.air),
@@ -112,6 +112,22 @@ def zeuc(
         fail(f"--out {out}: no figure: {error}; numbers in {data}")
     else:
         say(f"map in {out}, numbers in {data}")
+
+
+def _drawn(lines: dict[str, TargetLine], met: dict[str, list[dict[str, Any]]]) -> list[DrawnLine]:
+    """The lines for the figure.  Errors: ImportError where there can be none."""
+    from tgl_soar.analysis.report.zeuc_figure import DrawnLine
+
+    return [
+        DrawnLine(
+            name,
+            x0_m=target.x_m,
+            z0_m=target.z_m,
+            eta_rad=target.eta_rad,
+            crossings=[(c["x_m"], c["z_m"], c["stable"]) for c in met[name]],
+        )
+        for name, target in lines.items()
+    ]
 
 
 def _written(out: Path, numbers: dict[str, Any]) -> Path:

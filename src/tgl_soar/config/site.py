@@ -318,7 +318,14 @@ class Mocap(Strict, frozen=True):
 
     def hall(self) -> HallFrame:
         """Where the hall's axes stand in local NED."""
-        return HallFrame(self.up == "z", radians(self.yaw_deg), *self.offset_m)
+        north, east, down = self.offset_m
+        return HallFrame(
+            z_up=self.up == "z",
+            yaw_rad=radians(self.yaw_deg),
+            origin_north_m=north,
+            origin_east_m=east,
+            origin_down_m=down,
+        )
 
 
 def _is_address(text: str) -> bool:

@@ -84,6 +84,7 @@ def errors_at(errors: Errors, time_s: float, coupling: float) -> Place:
 def errors_carried(before: Errors, time_s: float, at: Place, covariance: Moments) -> Errors:
     """The errors carried on to a time, where they are `at`; the biases stay."""
     x, y, z, vx, vy, climb = at
+    pp, pv, pb, vv, vb, bb = covariance
     return Errors(
         time_s=time_s,
         x_m=x,
@@ -95,7 +96,7 @@ def errors_carried(before: Errors, time_s: float, at: Place, covariance: Moments
         bias_x_mps2=before.bias_x_mps2,
         bias_y_mps2=before.bias_y_mps2,
         bias_z_mps2=before.bias_z_mps2,
-        covariance=Covariance(*covariance),
+        covariance=Covariance(pp=pp, pv=pv, pb=pb, vv=vv, vb=vb, bb=bb),
     )
 
 

@@ -263,10 +263,21 @@ def _first_guess(aero: Aerodynamics, frame: BodyAxes) -> WindPosterior:
     speed = min(1.15 * aero.polar.speed_min_mps, aero.polar.speed_max_mps)
     unknown = FIRST_GUESS_MPS * FIRST_GUESS_MPS
     return WindPosterior(
-        frame.velocity_x_mps + speed,
-        frame.climb_mps + polar_sink(aero.polar, speed),
-        *(unknown, 0.0, unknown),
-        *(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        wind_mps=frame.velocity_x_mps + speed,
+        updraft_mps=frame.climb_mps + polar_sink(aero.polar, speed),
+        p_xx=unknown,
+        p_xz=0.0,
+        p_zz=unknown,
+        normal_x=0.0,
+        normal_z=0.0,
+        axial_x=0.0,
+        axial_z=0.0,
+        pitot_x=0.0,
+        pitot_z=0.0,
+        trim_x=0.0,
+        trim_z=0.0,
+        pitch_x=0.0,
+        pitch_z=0.0,
     )
 
 

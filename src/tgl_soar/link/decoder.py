@@ -334,7 +334,16 @@ class Decoder:
                 all_fields=None,
                 convert=convert,
             )
-        return _KnownHeader(source, is_watched, crc_extra, *reader, None)
+        return _KnownHeader(
+            source=source,
+            is_watched=is_watched,
+            crc_extra=crc_extra,
+            needed=reader.size,
+            kind=reader.kind,
+            fields=reader.fields,
+            all_fields=reader.all_fields,
+            convert=None,
+        )
 
     def _keep(self, about: bytes, known: _KnownHeader) -> None:
         """Keep what is known of a good frame, so that it is looked up once."""

@@ -48,8 +48,16 @@ def _heartbeat(m: Any) -> Inbound:
 
 
 def _vision_position_estimate(m: Any) -> Inbound:
-    pose = m.x, m.y, m.z, m.roll, m.pitch, m.yaw
-    return VisionPositionEstimate(m.usec, *pose, tuple(m.covariance))
+    return VisionPositionEstimate(
+        usec=m.usec,
+        x=m.x,
+        y=m.y,
+        z=m.z,
+        roll=m.roll,
+        pitch=m.pitch,
+        yaw=m.yaw,
+        covariance=tuple(m.covariance),
+    )
 
 
 def _vfr_hud(m: Any) -> Inbound:

@@ -85,25 +85,40 @@ class PoseForwarding:
         self._due_s = (now_s if late else self._due_s) + self._interval_s
         self._sequence = fix.sequence
         self.sent += 1
-        at = fix.north_m, fix.east_m, fix.down_m
         velocity = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
         covariance = self._covariance(fix.sigma_m)
         stamp_us = max(1, round(fix.time_s * 1e6))
         if self._message == VISION_POSITION_ESTIMATE:
-            angles = euler_from_quaternion(*attitude)
-            return VisionPositionEstimate(stamp_us, *at, *angles, covariance)
+            roll, pitch, yaw = euler_from_quaternion(*attitude)
+            return VisionPositionEstimate(
+                usec=stamp_us,
+                x=fix.north_m,
+                y=fix.east_m,
+                z=fix.down_m,
+                roll=roll,
+                pitch=pitch,
+                yaw=yaw,
+                covariance=covariance,
+            )
         conjugate = attitude[0], -attitude[1], -attitude[2], -attitude[3]
+        vx, vy, vz = rotated(conjugate, velocity)
         return Odometry(
-            stamp_us,
-            FRAME_LOCAL_FRD,
-            FRAME_BODY_FRD,
-            *at,
-            attitude,
-            *rotated(conjugate, velocity),
-            *(NAN, NAN, NAN),
-            covariance,
-            UNKNOWN_COVARIANCE,
-            ESTIMATOR_VISION,
+            time_usec=stamp_us,
+            frame_id=FRAME_LOCAL_FRD,
+            child_frame_id=FRAME_BODY_FRD,
+            x=fix.north_m,
+            y=fix.east_m,
+            z=fix.down_m,
+            q=attitude,
+            vx=vx,
+            vy=vy,
+            vz=vz,
+            rollspeed=NAN,
+            pitchspeed=NAN,
+            yawspeed=NAN,
+            pose_covariance=covariance,
+            velocity_covariance=UNKNOWN_COVARIANCE,
+            estimator_type=ESTIMATOR_VISION,
         )
 
     def _covariance(self, reported_m: float) -> tuple[float, ...]:

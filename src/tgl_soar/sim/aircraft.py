@@ -225,7 +225,7 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
             sign = "positive" if name in _POSITIVE else "negative"
             raise ValueError(f"{where}.{name} = {value}: must be {sign}")
         values.append(number)
-    return AircraftModel(*values)
+    return AircraftModel._make(values)
 
 
 def braked(model: AircraftModel, brake: float) -> AircraftModel:

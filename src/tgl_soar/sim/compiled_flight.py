@@ -149,7 +149,7 @@ def continued(
             sensor.line[place] = sample
         white = {"white": other.white} if "white" in other._fields else {}
         sensors.append(sensor._replace(**white))
-    return own._replace(turbulence=noise.turbulence, sensors=FlownSensors(*sensors))
+    return own._replace(turbulence=noise.turbulence, sensors=FlownSensors._make(sensors))
 
 
 def why_ended(world: World, flight: Flight) -> str:

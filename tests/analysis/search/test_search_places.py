@@ -74,7 +74,7 @@ def test_a_place_tells_nothing_of_the_gusts_that_share_its_stream(kind: str) -> 
         turbulence = dryden_params(0.03, 9.0, 1.5, 0.005)
         begun = [turbulence_before(turbulence, s, STEPS - 1) for s in range(SEEDS)]
         states, white = (np.array(each) for each in zip(*begun, strict=True))
-        state, blown = DrydenState(*states.T), []
+        state, blown = DrydenState._make(states.T), []
         for k in range(STEPS):  # of all seeds at once
             state, gust = dryden_step(turbulence, state, *white[:, k].T)
             blown.append(np.array(gust))

@@ -79,12 +79,17 @@ def hear(talk: Session, message: Inbound, now_s: float, source: Source = AUTOPIL
 def highres(time_us: int, updated: int = ALL_UPDATED, **fields: float) -> HighresImu:
     values = {"abs_pressure": 1013.25, "diff_pressure": 0.5, "temperature": 15.0} | fields
     return HighresImu(
-        time_us,
-        *(0.5, -0.25, -9.75, 0.125, 0.25, -0.5),
-        values["abs_pressure"],
-        values["diff_pressure"],
-        values["temperature"],
-        updated,
+        time_usec=time_us,
+        xacc=0.5,
+        yacc=-0.25,
+        zacc=-9.75,
+        xgyro=0.125,
+        ygyro=0.25,
+        zgyro=-0.5,
+        abs_pressure=values["abs_pressure"],
+        diff_pressure=values["diff_pressure"],
+        temperature=values["temperature"],
+        fields_updated=updated,
     )
 
 

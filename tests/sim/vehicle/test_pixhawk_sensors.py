@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from samples import attitude_sample, imu_sample
 from scipy.spatial.transform import Rotation
 
 from tgl_soar.config.airframe import Surface, Surfaces
@@ -26,8 +27,6 @@ from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.types import (
     NO_ATTITUDE,
     AirspeedSample,
-    AttitudeSample,
-    ImuSample,
     PositionFix,
     RangeSample,
 )
@@ -78,7 +77,7 @@ class Wire:
 def sensed(step: int, *, pitot: bool = True) -> Sensed:
     time_s = (step - 1) / STEP_HZ
     return Sensed(
-        attitude=AttitudeSample(step, time_s, 1.0, 0.0, 0.0, 0.0, *RATES),
+        attitude=attitude_sample(step, time_s, (1.0, 0.0, 0.0, 0.0), RATES),
         position=PositionFix(
             sequence=1 + step // 4,
             time_s=time_s,
@@ -91,7 +90,7 @@ def sensed(step: int, *, pitot: bool = True) -> Sensed:
         ),
         airspeed_mps=8.5,
         flying=True,
-        imu=ImuSample(step, time_s, *FORCE, *RATES),
+        imu=imu_sample(step, time_s, FORCE, RATES),
         pitot=AirspeedSample(1 + step // 4, time_s, 9.0) if pitot else AirspeedSample(0, nan, nan),
     )
 

@@ -369,9 +369,15 @@ def count(outcomes: Iterable[Outcome]) -> Counted:
             if found
         ],
         survivals=[
-            Survival(*each, flights=found.total(), survived=found[True])
-            for each in SURVIVALS
-            if (found := lengths[_name(*each)])
+            Survival(
+                fault=fault,
+                turbulence=turbulence,
+                aboard=aboard,
+                flights=found.total(),
+                survived=found[True],
+            )
+            for fault, turbulence, aboard in SURVIVALS
+            if (found := lengths[_name(fault, turbulence, aboard)])
         ],
         results=sum(results.values(), Counter()),
         bad_commands=bad_commands,

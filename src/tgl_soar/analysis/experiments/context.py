@@ -124,8 +124,14 @@ def turbulence_of(prepared: PreparedScenario) -> tuple[float, float]:
 
 def drawn_line(name: str, line: PlacedLine) -> DrawnLine:
     """A placed line for a figure."""
-    at = line.crossing
-    return DrawnLine(name, *line.target, [] if at is None else [(at.x_m, at.z_m, at.stable)])
+    at, target = line.crossing, line.target
+    return DrawnLine(
+        name,
+        x0_m=target.x_m,
+        z0_m=target.z_m,
+        eta_rad=target.eta_rad,
+        crossings=[] if at is None else [(at.x_m, at.z_m, at.stable)],
+    )
 
 
 def drawn_air(prepared: PreparedScenario, later_s: float | None = None, later: str = "") -> MapAir:

@@ -108,7 +108,7 @@ def drawn_mismatch(seed: int, already: Iterable[str] = ()) -> Mismatch:
     """Of a flight's seed; already: the fields that an experiment draws by itself, and further from
     what the module is given: these are not drawn a second time."""
     draw = np.random.default_rng((seed, _STREAM))
-    drawn = Mismatch(*(float(draw.uniform(low, high)) for low, high in RANGES))
+    drawn = Mismatch._make((float(draw.uniform(low, high)) for low, high in RANGES))
     return drawn._replace(**{name: getattr(AS_FILED, name) for name in already})
 
 

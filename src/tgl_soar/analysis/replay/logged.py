@@ -538,7 +538,7 @@ def _inputs(flight: _Flight, begin: int, end: int) -> list[Inputs]:
         first, last = int(here.min()), int(here.max())
         rows = _tuples(kind, [leaf[first : last + 1] for leaf in leaves])
         columns.append([rows[i] for i in (here - first).tolist()])
-    return [Inputs(*values) for values in zip(*columns, strict=True)]
+    return [Inputs._make(values) for values in zip(*columns, strict=True)]
 
 
 def _stretch_compiled(

@@ -64,4 +64,4 @@ def roll_out_compiled(
         dt,
         flown,
     )
-    return Rollouts(*(flown[:, :, n] for n in range(6)))
+    return Rollouts._make(flown[:, :, n] for n in range(6))

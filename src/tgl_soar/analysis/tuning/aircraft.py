@@ -104,7 +104,7 @@ def drawn_aircraft(airframe: Airframe, ranges: Ranges, seed: tuple[int, ...]) ->
     Errors: ValueError for a [model] that is not complete, or does not glide.
     """
     draw = np.random.default_rng(seed)
-    factor = _Factors(*(draw.uniform(low, high) for low, high in ranges))
+    factor = _Factors._make((draw.uniform(low, high) for low, high in ranges))
     bench = airframe.airframe
     turned = factor.inertia
     bench = replace(

@@ -346,7 +346,7 @@ def _flown(
             f"{what}, from {first}",
             lambda attempts=attempts: pool.map(_flight_of, [(field, a) for a in attempts]),  # type: ignore[misc]
         )
-        flown += [flights.DrawnFlight(*row) for row in rows]
+        flown += [flights.DrawnFlight._make(row) for row in rows]
     return flights.survival(flown)
 
 

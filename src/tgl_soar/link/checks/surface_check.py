@@ -238,7 +238,10 @@ def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Surface
     output = channel.channel - 1
     if any(len(stop.servos_us) <= output or stop.servos_us[output] == 0 for stop in stops):
         words = f"output {channel.channel} cannot be read back: no SERVO_OUTPUT_RAW, or not driven"
-        return SurfaceFinding(surface, (words,), *(float("nan"),) * 3)
+        nan = float("nan")
+        return SurfaceFinding(
+            surface=surface, faults=(words,), trim_us=nan, low_us=nan, high_us=nan
+        )
     neutral, positive, negative, again = (stop.servos_us[output] for stop in stops)
     expected = [stop.expected_us for stop in stops]
     faults: list[str] = []

@@ -165,7 +165,7 @@ def frame_of(data: bytes, version: Version, wanted: int) -> MocapFrame:
         raise Malformed("it ends too early") from None
     if tail not in (0, _END_MARK_BYTES) and version <= NEWEST:
         raise Malformed(f"{tail} bytes follow its end")
-    return MocapFrame(number, body, bodies, *suffix)
+    return MocapFrame._make((number, body, bodies, *suffix))
 
 
 def bodies_of(data: bytes, version: Version) -> list[RigidBody]:

@@ -87,7 +87,7 @@ def drawn_airframe(usual: Airframe, seed: tuple[int, ...]) -> DrawnAirframe:
     # other quantities in another experiment, which are not compared.
     generator = np.random.default_rng(seed)
     while True:
-        draw = _Draw(*(float(generator.uniform(low, high)) for low, high in AirframeRanges()))
+        draw = _Draw._make((float(generator.uniform(low, high)) for low, high in AirframeRanges()))
         sides = generator.uniform(*AirframeRanges().lateral, len(_LATERAL)).tolist()
         slope = 6.0 / (1.0 + 6.0 / (pi * draw.aspect))
         best_alpha = (draw.best_lift - draw.camber) / slope

@@ -250,8 +250,17 @@ def _ticks(flight: EstimatorFlight) -> Iterator[_Tick]:
         if body is not None:
             world.attitude = body.attitude(world)
         status = AutopilotStatus(time_s=now, accepts_surfaces=True, armed=True)
-        sensors = world.imu, world.airspeed, world.surfaces, world.rangefinder
-        inputs = Inputs(now, reception, world.attitude, status, True, *sensors)
+        inputs = Inputs(
+            time_s=now,
+            position=reception,
+            attitude=world.attitude,
+            autopilot=status,
+            engage=True,
+            imu=world.imu,
+            airspeed=world.airspeed,
+            surfaces=world.surfaces,
+            rangefinder=world.rangefinder,
+        )
         output = loop.tick()
         ended = world.crashed
         if not ended and output.mode in (RELEASED, FAILED):

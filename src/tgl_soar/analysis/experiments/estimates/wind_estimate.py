@@ -237,7 +237,7 @@ def _place() -> tuple[Airframe, Site, ParameterSet, WindField]:
 def score(flights: list[ObservedFlight], case: str) -> WindScore:
     """One estimator over several flights, from when the line was captured."""
     if not flights:
-        return WindScore(*[nan] * len(WindScore._fields))
+        return WindScore._make([nan] * len(WindScore._fields))
     errors, normalised = [], []
     for seen in flights:
         rows = seen.time_s >= SETTLE_S

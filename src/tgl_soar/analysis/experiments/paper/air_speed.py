@@ -351,12 +351,12 @@ def _draw(
         for kind, several, style in ((FIXED, fixed, "-"), (SCHEDULED, scheduled, "--"))
     ]
     raised = [curve(calm[f], f"outer gains × {f:g}", i) for i, f in enumerate(calm)]
-    axes = "local wind [m/s]", "oscillation [cm], where none was lost"
+    wind, waves = "local wind [m/s]", "oscillation [cm], where none was lost"
     curves_figure(
         path,
         [
-            CurvePanel("in turbulence", *axes, turbulent, y_from_zero=True),
-            CurvePanel("in calm air: where the loop rings", *axes, raised, y_log=True),
+            CurvePanel("in turbulence", wind, waves, turbulent, y_from_zero=True),
+            CurvePanel("in calm air: where the loop rings", wind, waves, raised, y_log=True),
         ],
         "from slow to fast air",
     )
