@@ -1,5 +1,6 @@
 """Named tuples of more than four fields are built by keyword; of a dataclass, whose many fields
-mostly have defaults, no more than the first four are given by their place.
+mostly have defaults, no more than the first four are given by their place; and no call of any
+function in the source gives nine or more by place.
 
 Two floats that have changed places pass every type check and most tests; two names do not.  Where
 native code is made, keywords stand in the order of the fields, so that the compiler's copy of the
@@ -26,6 +27,15 @@ ROOT = Path(tgl_soar.__file__).parents[2]
 AT_MOST_BY_PLACE = 4
 AS_NAMED_TUPLES = {"Result"}  # of an experiment: a dataclass of ten fields, some of them empty
 ROWS_OF_TABLES = {"Transition"}  # read as columns, and every row of it is tested by itself
+MOST_BY_PLACE = 8  # of any call in the source
+# Calls that take any number of things one after the other, which have no names.
+ANY_NUMBER = {
+    "add_row": "the cells of a printed table, under its headings",
+    "Table": "the headings",
+    "pack": "numbers of a format of `struct`, which stands beside them",
+    "_write_attitude": "the same, of a format that is compiled beforehand",
+    "_write_body": "the same",
+}
 FOLDERS = {"src": ROOT / "src", "tests": ROOT / "tests", "tools": ROOT / "tools"}
 BENCHMARKS = ROOT / "benchmarks"
 Fields = dict[str, tuple[str, ...]]  # of each class, by the name that it has somewhere
@@ -147,6 +157,16 @@ def spreads(call: ast.Call) -> bool:
     return any(isinstance(argument, ast.Starred) for argument in call.args)
 
 
+def many_by_place(module: Module) -> list[tuple[int, str]]:
+    """The lines of calls that give more by place than one can count, and what is called."""
+    found = []
+    for name, call in module.calls:
+        spread = [a for a in call.args if isinstance(a, ast.Starred) and not one_by_one(a)]
+        if one_by_one(ast.Tuple(elts=call.args)) + len(spread) > MOST_BY_PLACE:
+            found.append((call.lineno, name))
+    return found
+
+
 def out_of_order(module: Module, kinds: Fields) -> list[int]:
     """The lines of calls that name all fields, but not in the order of their declaration."""
     return [
@@ -209,6 +229,17 @@ def test_no_more_than_the_first_fields_of_a_dataclass_are_given_by_their_place(
         for line in too_many_by_place(module, kinds[file])
     ]
     assert wrong == []
+
+
+def test_no_call_gives_more_by_place_than_one_can_count(files: dict[Path, Module]) -> None:
+    source = {f: module for f, module in files.items() if f.is_relative_to(FOLDERS["src"])}
+    found = [
+        (f"{file.relative_to(ROOT)}:{line}", name.split(".")[-1])
+        for file, module in source.items()
+        for line, name in many_by_place(module)
+    ]
+    assert [where for where, name in found if name not in ANY_NUMBER] == []
+    assert set(ANY_NUMBER) == {name for _, name in found}, "what is not called so any more"
 
 
 def test_what_is_compiled_names_fields_in_their_order(
@@ -280,3 +311,20 @@ def test_a_planted_call_of_a_dataclass_is_found(decorator: str, call: str, wrong
     origin = {"some.kinds": dataclasses(kinds)}
     module = parsed(f"from some import kinds\nfrom some.kinds import Five\n{call}\n")
     assert (too_many_by_place(module, known(module, origin, dataclasses)) == [3]) is wrong
+
+
+@pytest.mark.parametrize(
+    ("call", "many"),
+    [
+        ("f(1, 2, 3, 4, 5, 6, 7, 8)", False),
+        ("f(1, 2, 3, 4, 5, 6, 7, 8, a=9)", False),
+        ("f(1, 2, 3, 4, 5, 6, 7, 8, 9)", True),
+        ("f()(1, 2, 3, 4, 5, 6, 7, 8, 9)", True),
+        ("x.f(1, 2, *(3, 4, 5), 6, 7, 8, 9)", True),
+        ("f(1, *x, 2)", False),
+        ("f((1, 2, 3), (4, 5, 6), (7, 8, 9))", False),
+        ("f(1, 2, 3, 4, 5, 6, 7, 8, *x)", True),
+    ],
+)
+def test_a_planted_call_of_many_by_place_is_found(call: str, many: bool) -> None:
+    assert bool(many_by_place(parsed(call))) is many

@@ -83,8 +83,8 @@ NAMED: Final = (
     ),
     Named(
         "estimation/wind.py",
-        "        0.0,\n        0.0,\n        tilted,\n",
-        "        0.0,\n        0.0,\n        0.0,\n",
+        "        pitch=tilted,\n",
+        "",
         "the axial force's bias knows nothing of the pitch's",
     ),
     Named(

@@ -415,13 +415,13 @@ def _fly(
         state.excitation.standing == RUNNING,
         mode,
         tracking,
-        on_line,
-        vehicle,
-        estimates.margins,
-        estimates.health.faults,
-        estimates.memory.imu_weight,
-        state.soaring,
-        state.loops.limited.elevator_blocked,
+        on_line=on_line,
+        vehicle=vehicle,
+        margins=estimates.margins,
+        faults=estimates.health.faults,
+        imu_weight=estimates.memory.imu_weight,
+        soaring=state.soaring,
+        elevator_blocked=state.loops.limited.elevator_blocked,
     )
     excitation = excitation_step(laws.excitation, state.excitation, inputs.time_s, dt_s, hindrance)
     state = state._replace(excitation=excitation, launch_landing=phase)
@@ -461,18 +461,19 @@ def _control(
     if way.is_in_hand(guidance.launch_landing):
         before = way.loops_in_hand(before, vehicle)
     flown_with = surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s)
+    most = brake_limit(laws.envelope, margins.stall_rad, vehicle.climb_mps, margins.clearance_m)
     loops, terms = surfaces_step(
         laws,
         flown_with,
         before,
         vehicle,
-        guidance.setpoints,
-        guidance.brake.brake,
-        brake_limit(laws.envelope, margins.stall_rad, vehicle.climb_mps, margins.clearance_m),
-        guidance.braked,
-        margins.stall_rad,
-        inputs.surfaces,
-        dt_s,
+        setpoints=guidance.setpoints,
+        brake=guidance.brake.brake,
+        brake_max=most,
+        braked=guidance.braked,
+        stall_rad=margins.stall_rad,
+        surfaces=inputs.surfaces,
+        dt_s=dt_s,
     )
     return loops, _Flown(
         command=loops.limited.command,
@@ -504,13 +505,13 @@ def _guide(
     gains = line_gains(
         laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s, line.eta_rad
     )
-    limited, speed, faults = state.loops.limited, memory.gain_speed_mps, estimates.health.faults
-    imu = memory.imu_weight == 1.0
+    limited, phase = state.loops.limited, state.launch_landing
     held, effect = point_step(
-        laws, state.brake, limited, decision.mode, line.eta_rad, vehicle, speed, imu, faults, dt_s
-    )
+        laws, state.brake, limited, decision.mode, eta_rad=line.eta_rad, vehicle=vehicle,
+        gain_speed_mps=memory.gain_speed_mps, inertial=memory.imu_weight == 1.0,
+        faults=estimates.health.faults, dt_s=dt_s,
+    )  # fmt: skip
     gains, effect = with_power(gains, effect, state.throttle)
-    phase = state.launch_landing
     if way.flies_no_line(decision.mode, phase):
         mode = decision.mode
         phase, soaring, terms, sideways, sideways_terms, psi_setpoint = way.phase_guide(
@@ -587,13 +588,6 @@ def _decide(
     laws: Laws, state: AutopilotState, inputs: Inputs, found: int
 ) -> tuple[SupervisorState, modes.Decision]:
     """What the supervisor makes of it."""
-    status, guards = inputs.autopilot, laws.guards
-    return supervise(
-        state.supervisor,
-        inputs.time_s,
-        found,
-        status.boots,
-        status.armed,
-        guards.position_age_max_s,
-        guards.recover_s,
-    )
+    boots, armed = inputs.autopilot.boots, inputs.autopilot.armed
+    gap_s, recover_s = laws.guards.position_age_max_s, laws.guards.recover_s
+    return supervise(state.supervisor, inputs.time_s, found, boots, armed, gap_s, recover_s)

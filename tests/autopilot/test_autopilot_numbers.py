@@ -55,7 +55,7 @@ def tick(
 def replaced(monkeypatch: pytest.MonkeyPatch, name: str, change: Callable[[Any], Any]) -> None:
     """What a part of the tick gives is changed behind it."""
     part = getattr(autopilot, name)
-    monkeypatch.setattr(autopilot, name, lambda *given: change(part(*given)))
+    monkeypatch.setattr(autopilot, name, lambda *given, **named: change(part(*given, **named)))
 
 
 def braking(pitch_rad: float) -> Callable[[Any], Any]:
@@ -307,9 +307,9 @@ def test_accelerations_count_for_the_brake_once_they_have_all_the_weight(
     asked: list[bool] = []
     part = autopilot.point_step
 
-    def point(*given: Any) -> Any:
-        asked.append(given[7])
-        return part(*given)
+    def point(*given: Any, inertial: bool, **named: Any) -> Any:
+        asked.append(inertial)
+        return part(*given, inertial=inertial, **named)
 
     monkeypatch.setattr(autopilot, "point_step", point)
 
@@ -496,9 +496,9 @@ def asked_of(monkeypatch: pytest.MonkeyPatch, name: str) -> list[tuple[Any, ...]
     asked: list[tuple[Any, ...]] = []
     part = getattr(autopilot, name)
 
-    def listens(*given: Any) -> Any:
-        asked.append(given)
-        return part(*given)
+    def listens(*given: Any, **named: Any) -> Any:
+        asked.append((*given, *named.values()))
+        return part(*given, **named)
 
     monkeypatch.setattr(autopilot, name, listens)
     return asked

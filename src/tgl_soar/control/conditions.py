@@ -260,11 +260,11 @@ def forecast_of(
         laws.fence,
         laws.ground,
         state,
-        vehicle,
-        air,
-        quality.velocity_sigma_mps,
-        line.eta_rad,
-        line.moving,
+        vehicle=vehicle,
+        air=air,
+        velocity_sigma_mps=quality.velocity_sigma_mps,
+        eta_rad=line.eta_rad,
+        moving=line.moving,
     )
 
 

@@ -369,11 +369,28 @@ def _glide_setpoints(
     if mode == modes.BEATING:
         back = is_wanted_back(laws.beat, state.beat)
         glide, speed = beat_step(
-            laws.beat, home, laws.target, state.glide, back, sure, vehicle, air, nose_held, dt_s
+            laws.beat,
+            home,
+            laws.target,
+            state.glide,
+            returns=back,
+            position_ok=sure,
+            vehicle=vehicle,
+            air=air,
+            nose_held=nose_held,
+            dt_s=dt_s,
         )
     else:
         glide, speed = glide_step(
-            home, state.glide, outward, sure, vehicle, air, clearance_m, nose_held, dt_s
+            home,
+            state.glide,
+            outward,
+            sure,
+            vehicle=vehicle,
+            air=air,
+            clearance_m=clearance_m,
+            nose_held=nose_held,
+            dt_s=dt_s,
         )
     polar, aerodynamics = home.polar, laws.wind.aerodynamics
     trimmed = max(polar.speed_min_mps, min(polar.speed_max_mps, speed))

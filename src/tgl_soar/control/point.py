@@ -43,10 +43,10 @@ def point_step(
         laws.wind.aerodynamics,
         state,
         laws.target,
-        eta_rad,
-        vehicle,
-        airspeed_mps,
-        Around(
+        eta_rad=eta_rad,
+        vehicle=vehicle,
+        airspeed_mps=airspeed_mps,
+        around=Around(
             on_the_line=mode in (CAPTURING, SOARING),
             answers=faults & BRAKE == 0,
             blocked=limited.brake_blocked,
@@ -57,7 +57,7 @@ def point_step(
             up_free=_is_free(laws, state, eta_rad, KEPT_INSIDE_M),
             down_free=_is_free(laws, state, eta_rad, -KEPT_INSIDE_M),
         ),
-        dt_s,
+        dt_s=dt_s,
     )
     steady = max(0.0, limited.command.brake - state.shake.shaken)
     return held, brake_effect(laws.brake, steady, airspeed_mps)

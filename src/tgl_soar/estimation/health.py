@@ -378,7 +378,15 @@ def _look_at_position(
         vd = 0.0
     again = again and not rests
     return _sampled(
-        before, fix.sequence, fix.source, fix.time_s, now_s, found, again, known, n, e, d, vd
+        before,
+        fix.sequence,
+        fix.source,
+        fix.time_s,
+        now_s,
+        found=found,
+        again=again,
+        known=known,
+        values=(n, e, d, vd),
     ), frame
 
 
@@ -411,7 +419,15 @@ def _look_at_attitude(
         and (flying or not _stands_still(sample))
     )
     return _sampled(
-        before, sample.sequence, 0, sample.time_s, now_s, found, again, known, w, x, y, z
+        before,
+        sample.sequence,
+        0,
+        sample.time_s,
+        now_s,
+        found=found,
+        again=again,
+        known=known,
+        values=(w, x, y, z),
     )
 
 
@@ -439,12 +455,10 @@ def _sampled(
     found: int,
     again: bool,
     known: bool,
-    a: float,
-    b: float,
-    c: float,
-    d: float,
+    values: tuple[float, float, float, float],
 ) -> StreamState:
-    """The stream after one more sample; found: what is wrong with its numbers."""
+    """The stream after one more sample of these values; found: what is wrong with them."""
+    a, b, c, d = values
     interval, jitter, gaps = before.interval_s, before.jitter_s, before.gaps
     changed_s = before.changed_s
     dt = time_s - before.time_s

@@ -363,11 +363,7 @@ def _take_forces(
         h_z,
         -force_z_mps2 - kv * across,
         noise_z_mps2 * noise_z_mps2 + rough,
-        error * error,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
+        normal=error * error,
     )
 
     along = cl * w - cd * u
@@ -387,11 +383,8 @@ def _take_forces(
         h_z,
         force_x_mps2 - kv * along - moved,
         noise_x_mps2 * noise_x_mps2 + rough,
-        0.0,
-        error * error + aero.gravity_mps2 * tilted,
-        0.0,
-        0.0,
-        tilted,
+        axial=error * error + aero.gravity_mps2 * tilted,
+        pitch=tilted,
     )
     return axial, int(normal_taken) + int(axial_taken)
 
@@ -418,11 +411,7 @@ def _take_trim(
         by_u * frame.x_d + by_w * frame.z_d,
         alpha - atan2(w, u),
         TRIM_NOISE_RAD * TRIM_NOISE_RAD * 2.0 * TRIM_S / dt_s,
-        0.0,
-        0.0,
-        0.0,
-        TRIM_ERROR_RAD * TRIM_ERROR_RAD,
-        0.0,
+        trim=TRIM_ERROR_RAD * TRIM_ERROR_RAD,
     )
     return corrected
 
@@ -431,9 +420,7 @@ def _take_pitot(posterior: Numbers, frame: BodyAxes, airspeed_mps: float) -> tup
     (wind, updraft), _, _ = posterior
     u, _ = through_air(frame, wind, updraft)
     white, bias = PITOT_NOISE_MPS * PITOT_NOISE_MPS, PITOT_BIAS_MPS * PITOT_BIAS_MPS
-    return _corrected(
-        posterior, frame.x_n, frame.x_d, airspeed_mps - u, white, 0.0, 0.0, bias, 0.0, 0.0
-    )
+    return _corrected(posterior, frame.x_n, frame.x_d, airspeed_mps - u, white, pitot=bias)
 
 
 def _corrected(
@@ -442,11 +429,11 @@ def _corrected(
     h_z: float,
     innovation: float,
     noise: float,
-    normal: float,
-    axial: float,
-    pitot: float,
-    trim: float,
-    pitch: float,
+    normal: float = 0.0,
+    axial: float = 0.0,
+    pitot: float = 0.0,
+    trim: float = 0.0,
+    pitch: float = 0.0,
 ) -> tuple[Numbers, bool]:
     """One measurement z = h · W + bias + noise; also whether it was accepted.
 

@@ -115,7 +115,17 @@ def _pack_set_actuator_control_target(m: Any) -> Any:
 def _pack_autopilot_version(m: Any) -> Any:
     nothing = [0] * 8
     return dialect.MAVLink_autopilot_version_message(
-        m.capabilities, m.flight_sw_version, 0, 0, 0, nothing, nothing, nothing, 0, 0, 0
+        capabilities=m.capabilities,
+        flight_sw_version=m.flight_sw_version,
+        middleware_sw_version=0,
+        os_sw_version=0,
+        board_version=0,
+        flight_custom_version=nothing,
+        middleware_custom_version=nothing,
+        os_custom_version=nothing,
+        vendor_id=0,
+        product_id=0,
+        uid=0,
     )
 
 
@@ -139,26 +149,38 @@ def _pack_nav_controller_output(m: Any) -> Any:
 def _pack_wind_cov(m: Any) -> Any:
     unknown = float("nan")
     return dialect.MAVLink_wind_cov_message(
-        m.time_usec,
-        *(m.wind_x, m.wind_y, m.wind_z),
-        *(unknown, unknown, unknown),  # variability in a second, altitude above the sea
-        m.horiz_accuracy,
-        m.vert_accuracy,
+        time_usec=m.time_usec,
+        wind_x=m.wind_x,
+        wind_y=m.wind_y,
+        wind_z=m.wind_z,
+        # Its variability in a second, and the altitude above the sea.
+        var_horiz=unknown,
+        var_vert=unknown,
+        wind_alt=unknown,
+        horiz_accuracy=m.horiz_accuracy,
+        vert_accuracy=m.vert_accuracy,
     )
 
 
 def _pack_odometry(m: Any) -> Any:
     return dialect.MAVLink_odometry_message(
-        m.time_usec,
-        m.frame_id,
-        m.child_frame_id,
-        *map(float32, (m.x, m.y, m.z)),
-        list(m.q),
-        *map(float32, (m.vx, m.vy, m.vz, m.rollspeed, m.pitchspeed, m.yawspeed)),
-        list(map(float32, m.pose_covariance)),
-        list(map(float32, m.velocity_covariance)),
-        0,
-        m.estimator_type,
+        time_usec=m.time_usec,
+        frame_id=m.frame_id,
+        child_frame_id=m.child_frame_id,
+        x=float32(m.x),
+        y=float32(m.y),
+        z=float32(m.z),
+        q=list(m.q),
+        vx=float32(m.vx),
+        vy=float32(m.vy),
+        vz=float32(m.vz),
+        rollspeed=float32(m.rollspeed),
+        pitchspeed=float32(m.pitchspeed),
+        yawspeed=float32(m.yawspeed),
+        pose_covariance=list(map(float32, m.pose_covariance)),
+        velocity_covariance=list(map(float32, m.velocity_covariance)),
+        reset_counter=0,
+        estimator_type=m.estimator_type,
     )
 
 

@@ -159,8 +159,9 @@ class Onboard:
         )
         self._switches = switches = Switches(setup, settings, session, outbox, search)
         self._operators = Operators(
-            setup, settings, commands, switch, switches, surfaces, outbox, self.signing, keep_key
-        )
+            setup, settings, commands, switch, switches=switches, surfaces=surfaces,
+            outbox=outbox, signing=self.signing, keep_key=keep_key,
+        )  # fmt: skip
         words = [*first_words, *start_faults(settings, self.signing)]
         self._reports = Reports(
             session, self.clocking, self.links, outbox, panel, recorder, store, words

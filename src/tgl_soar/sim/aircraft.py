@@ -55,6 +55,8 @@ from tgl_soar.sim.propeller import spun, thrust
 from tgl_soar.types import GlidePolar, SurfaceCommand
 
 Wind = tuple[float, float, float]  # (u, v, w) [m/s], soaring frame
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # (w, x, y, z), FRD to upwind NED
 
 # No airframe of this size survives a faster turn; the limit keeps a tumbling one finite.
 RATE_LIMIT_RADPS = 100.0
@@ -257,19 +259,13 @@ def lift_drag(model: AircraftModel, alpha_rad: float, elevator: float) -> tuple[
 
 
 def _air_loads(
-    model: AircraftModel,
-    ub: float,
-    vb: float,
-    wb: float,
-    p: float,
-    q: float,
-    r: float,
-    elevator: float,
-    aileron: float,
-    rudder: float,
-    roll_gust: float,
+    model: AircraftModel, air: Triple, rates: Triple, surfaces: Triple, roll_gust: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Specific force [m/s²] and angular acceleration [rad/s²] in FRD, from the air alone."""
+    """Specific force [m/s²] and angular acceleration [rad/s²] in FRD, from the air alone.
+
+    air: (u_b, v_b, w_b) [m/s] through it; rates: (p, q, r) [rad/s]; both FRD.
+    """
+    (ub, vb, wb), (p, q, r), (elevator, aileron, rudder) = air, rates, surfaces
     (
         mass, area, span, chord, ixx, iyy, izz, _, density,
         cl0, cl_alpha, cl_elevator, stall, stall_negative, width,
@@ -333,24 +329,16 @@ def _air_loads(
 
 def _accelerations(
     model: AircraftModel,
-    vx: float,
-    vy: float,
-    vz: float,
-    qw: float,
-    qx: float,
-    qy: float,
-    qz: float,
-    p: float,
-    q: float,
-    r: float,
-    elevator: float,
-    aileron: float,
-    rudder: float,
+    velocity: Triple,
+    attitude: Quaternion,
+    rates: Triple,
+    surfaces: Triple,
     throttle: float,
     wind: Wind,
     roll_gust: float,
 ) -> tuple[float, float, float, float, float, float]:
     """Acceleration over the ground [m/s², soaring] and of the body rates [rad/s², FRD]."""
+    (vx, vy, vz), (qw, qx, qy, qz) = velocity, attitude
     # rotation FRD -> upwind NED; dividing by |q|² keeps it orthogonal between two stages
     k = 2.0 / (qw * qw + qx * qx + qy * qy + qz * qz)
     kx, ky, kz = k * qx, k * qy, k * qz
@@ -363,10 +351,10 @@ def _accelerations(
     wind_x, wind_y, wind_z = wind
     north, east, down = wind_x - vx, vy - wind_y, wind_z - vz  # N' = −x, E' = y, D' = −z
     forward = r11 * north + r21 * east + r31 * down
+    right, below = r12 * north + r22 * east + r32 * down, r13 * north + r23 * east + r33 * down
     fx, fy, fz, p_dot, q_dot, r_dot = _air_loads(
-        model, forward, r12 * north + r22 * east + r32 * down,
-        r13 * north + r23 * east + r33 * down, p, q, r, elevator, aileron, rudder, roll_gust,
-    )  # fmt: skip
+        model, (forward, right, below), rates, surfaces, roll_gust
+    )
     if throttle > 0.0:
         fx += thrust(model, throttle, forward) / model.mass_kg
     return (
@@ -413,8 +401,8 @@ def step(
     half = 0.5 * dt_s
 
     ax, ay, az, p_dot, q_dot, r_dot = _accelerations(
-        braked(model, brake), vx, vy, vz, qw, qx, qy, qz, p, q, r,
-        elevator, aileron, rudder, throttle, wind_here, roll_gust_here_radps,
+        braked(model, brake), (vx, vy, vz), (qw, qx, qy, qz), (p, q, r),
+        (elevator, aileron, rudder), throttle, wind_here, roll_gust_here_radps,
     )  # fmt: skip
     dqw = -qx * p - qy * q - qz * r  # twice dq/dt
     dqx = qw * p + qy * r - qz * q
@@ -425,8 +413,8 @@ def step(
     qw2, qx2, qy2, qz2 = qw + half * dqw, qx + half * dqx, qy + half * dqy, qz + half * dqz
     p2, q2, r2 = p + dt_s * p_dot, q + dt_s * q_dot, r + dt_s * r_dot
     ax2, ay2, az2, p_dot2, q_dot2, r_dot2 = _accelerations(
-        braked(model, brake_end), vx2, vy2, vz2, qw2, qx2, qy2, qz2, p2, q2, r2,
-        elevator_end, aileron_end, rudder_end, throttle, wind_ahead, roll_gust_ahead_radps,
+        braked(model, brake_end), (vx2, vy2, vz2), (qw2, qx2, qy2, qz2), (p2, q2, r2),
+        (elevator_end, aileron_end, rudder_end), throttle, wind_ahead, roll_gust_ahead_radps,
     )  # fmt: skip
     quarter = 0.5 * half
     qw += quarter * (dqw - qx2 * p2 - qy2 * q2 - qz2 * r2)
@@ -487,14 +475,12 @@ def specific_force_frd(
     model: AircraftModel, state: AircraftState, wind: Wind
 ) -> tuple[float, float, float]:
     """What an accelerometer at the centre of gravity feels [m/s², FRD]: no gravity in it."""
-    ub, vb, wb = air_velocity_frd(state, wind)
-    fx, fy, fz, _, _, _ = _air_loads(
-        braked(model, state.brake), ub, vb, wb,
-        state.roll_rate_frd_radps, state.pitch_rate_frd_radps, state.yaw_rate_frd_radps,
-        state.elevator, state.aileron, state.rudder, 0.0,
-    )  # fmt: skip
+    air = air_velocity_frd(state, wind)
+    rates = state.roll_rate_frd_radps, state.pitch_rate_frd_radps, state.yaw_rate_frd_radps
+    surfaces = state.elevator, state.aileron, state.rudder
+    fx, fy, fz, _, _, _ = _air_loads(braked(model, state.brake), air, rates, surfaces, 0.0)
     if state.throttle > 0.0:
-        fx += thrust(model, state.throttle, ub) / model.mass_kg
+        fx += thrust(model, state.throttle, air[0]) / model.mass_kg
     return fx, fy, fz
 
 

@@ -159,13 +159,13 @@ def given_loops(
         surface_gains(laws, memory.imu_weight, memory.gain_speed_mps, memory.gain_age_s),
         before,
         output.vehicle,
-        setpoints,
-        0.0,
-        1.0,
-        BrakeEffect(0.0, 0.0),
-        output.margins.stall_rad,
-        inputs.surfaces,
-        dt_s,
+        setpoints=setpoints,
+        brake=0.0,
+        brake_max=1.0,
+        braked=BrakeEffect(0.0, 0.0),
+        stall_rad=output.margins.stall_rad,
+        surfaces=inputs.surfaces,
+        dt_s=dt_s,
     )
     return loops, setpoints
 

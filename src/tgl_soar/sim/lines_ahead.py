@@ -50,12 +50,12 @@ def fly_lines(
                     wind,
                     updraft,
                     i * mesh.nx * mesh.nz,
-                    polar,
-                    scale[i],
-                    within,
-                    slide,
-                    at,
-                    dt_s,
+                    polar=polar,
+                    scale=scale[i],
+                    within=within,
+                    slide=slide,
+                    now=at,
+                    dt_s=dt_s,
                 )
                 margin_m = min(margin_m, at.margin_m)
                 if at.margin_m < 0.0 or at.aside_mps < 0.0:

@@ -60,6 +60,8 @@ from tgl_soar.sim.aircraft import (
     RATE_LIMIT_RADPS,
     AircraftState,
     Glide,
+    Quaternion,
+    Triple,
     Wind,
     air_velocity_frd,
     aircraft_model,
@@ -206,18 +208,14 @@ def _braked(model: PointMass, brake: float) -> PointMass:
 
 def _moved(
     model: PointMass,
-    vx: float,
-    vy: float,
-    vz: float,
-    qw: float,
-    qx: float,
-    qy: float,
-    qz: float,
+    velocity: Triple,
+    attitude: Quaternion,
     elevator: float,
     rudder: float,
     wind: Wind,
 ) -> tuple[float, float, float, float, float, float]:
     """Acceleration over the ground [m/s², soaring], pitch and yaw rate [rad/s], airspeed [m/s]."""
+    (vx, vy, vz), (qw, qx, qy, qz) = velocity, attitude
     # rotation FRD -> upwind NED; dividing by |q|² keeps it orthogonal between two stages
     k = 2.0 / (qw * qw + qx * qx + qy * qy + qz * qz)
     kx, ky, kz = k * qx, k * qy, k * qz
@@ -266,7 +264,9 @@ def point_mass_step(
     half = 0.5 * dt_s
 
     own = _braked(model, brake)
-    ax, ay, az, q, r, speed = _moved(own, vx, vy, vz, qw, qx, qy, qz, elevator, rudder, wind_here)
+    ax, ay, az, q, r, speed = _moved(
+        own, (vx, vy, vz), (qw, qx, qy, qz), elevator, rudder, wind_here
+    )
     lags = speed * dt_s / model.roll_lag_m
     limit = RATE_LIMIT_RADPS
     turned = speed * model.roll_aileron_radpm * aileron_end + roll_gust_radps
@@ -281,7 +281,7 @@ def point_mass_step(
     qw2, qx2, qy2, qz2 = qw + half * dqw, qx + half * dqx, qy + half * dqy, qz + half * dqz
     own = _braked(model, brake_end)
     ax2, ay2, az2, q2, r2, _ = _moved(
-        own, vx2, vy2, vz2, qw2, qx2, qy2, qz2, elevator_end, rudder_end, wind_ahead
+        own, (vx2, vy2, vz2), (qw2, qx2, qy2, qz2), elevator_end, rudder_end, wind_ahead
     )
     quarter = 0.5 * half
     qw += quarter * (dqw - qx2 * p2 - qy2 * q2 - qz2 * r2)

@@ -74,14 +74,21 @@ def highres_imu(
         differential_hpa = absolute_hpa - SEA_LEVEL_HPA
         updated |= mavlink.HIGHRES_IMU_UPDATED_DIFF_PRESSURE
     return mavlink.MAVLink_highres_imu_message(
-        time_us,
-        *sample[2:8],
-        *(0.0, 0.0, 0.0),
-        absolute_hpa,
-        differential_hpa,
-        height_m,
-        TEMPERATURE_C,
-        updated,
+        time_usec=time_us,
+        xacc=sample.force_x_frd_mps2,
+        yacc=sample.force_y_frd_mps2,
+        zacc=sample.force_z_frd_mps2,
+        xgyro=sample.roll_rate_frd_radps,
+        ygyro=sample.pitch_rate_frd_radps,
+        zgyro=sample.yaw_rate_frd_radps,
+        xmag=0.0,
+        ymag=0.0,
+        zmag=0.0,
+        abs_pressure=absolute_hpa,
+        diff_pressure=differential_hpa,
+        pressure_alt=height_m,
+        temperature=TEMPERATURE_C,
+        fields_updated=updated,
     )
 
 
@@ -114,21 +121,30 @@ def gps_raw_int(
     """
     if home is None or fix.down_m != fix.down_m:
         return mavlink.MAVLink_gps_raw_int_message(
-            time_us, mavlink.GPS_FIX_TYPE_NO_FIX, 0, 0, 0, 65535, 65535, 65535, 65535, 255
+            time_usec=time_us,
+            fix_type=mavlink.GPS_FIX_TYPE_NO_FIX,
+            lat=0,
+            lon=0,
+            alt=0,
+            eph=65535,
+            epv=65535,
+            vel=65535,
+            cog=65535,
+            satellites_visible=255,
         )
     latitude_deg, longitude_deg, height_m = geodetic(home, fix.north_m, fix.east_m, fix.down_m)
     horizontal, vertical = (round(1e3 * each) for each in accuracy_m)
     return mavlink.MAVLink_gps_raw_int_message(
-        time_us,
-        mavlink.GPS_FIX_TYPE_3D_FIX,
-        round(latitude_deg * 1e7),
-        round(longitude_deg * 1e7),
-        round(height_m * 1e3),
-        65535,
-        65535,
-        65535,
-        65535,
-        14,
+        time_usec=time_us,
+        fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,
+        lat=round(latitude_deg * 1e7),
+        lon=round(longitude_deg * 1e7),
+        alt=round(height_m * 1e3),
+        eph=65535,
+        epv=65535,
+        vel=65535,
+        cog=65535,
+        satellites_visible=14,
         h_acc=horizontal,
         v_acc=vertical,
     )

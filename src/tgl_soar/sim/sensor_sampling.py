@@ -380,11 +380,15 @@ def sense_imu(
             state,
             wind,
             rests,
-            k + 1,
-            step / timing.step_rate_hz,
-            biased(sensor.force_bias_mps2, scaled(white, 0, params.force_noise_mps2)),
-            biased(sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)),
-            pull_mps2,
+            sequence=k + 1,
+            time_s=step / timing.step_rate_hz,
+            force_error_mps2=biased(
+                sensor.force_bias_mps2, scaled(white, 0, params.force_noise_mps2)
+            ),
+            rate_error_radps=biased(
+                sensor.rate_bias_radps, scaled(white, 3, params.rate_noise_radps)
+            ),
+            pull_mps2=pull_mps2,
         )
         keep_sample(sensor.line, k, sample)
     return delivered(timing, sensor.line, step)

@@ -124,7 +124,15 @@ def world_begun(parts: Parts, now: WorldNow, command: SurfaceCommand) -> WorldNo
     wind = local_wind(parts, gust, 0, aircraft.x_m, aircraft.y_m, aircraft.z_m)
     pull = tether_pull(parts.tether, aircraft)
     samples = sense(
-        parts.sensors, parts.frame, parts.model, aircraft, wind, command, False, 0, pull
+        parts.sensors,
+        parts.frame,
+        parts.model,
+        aircraft,
+        wind=wind,
+        command=command,
+        rests=False,
+        step=0,
+        pull_mps2=pull,
     )
     return now._replace(turbulence=turbulence, gust_mps=gust, wind=wind, samples=samples)
 
@@ -177,7 +185,15 @@ def world_step(
             aircraft = at_rest(aircraft)
     wind = local_wind(parts, gust, n, aircraft.x_m, aircraft.y_m, aircraft.z_m)
     samples = sense(
-        parts.sensors, parts.frame, parts.model, aircraft, wind, command, held or crashed, n, pull
+        parts.sensors,
+        parts.frame,
+        parts.model,
+        aircraft,
+        wind=wind,
+        command=command,
+        rests=held or crashed,
+        step=n,
+        pull_mps2=pull,
     )
     return WorldNow(
         aircraft=aircraft,

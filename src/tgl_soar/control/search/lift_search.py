@@ -222,12 +222,12 @@ class LiftSearch:
             fields,
             self.polar,
             guards,
-            look.moving,
-            state.target,
-            diffusion,
-            keep_worth(state),
-            self.roll,
-            Leeway(*self.leans_rad, tuple(line for _, line in self._refused)),
+            now=look.moving,
+            target=state.target,
+            diffusion_m2ps=diffusion,
+            keep_worth=keep_worth(state),
+            roll=self.roll,
+            leeway=Leeway(*self.leans_rad, tuple(line for _, line in self._refused)),
         )
 
 

@@ -241,7 +241,18 @@ def roll_out(
             sine_now=sines[n],
             cosine_now=cosines[n],
         )
-        new = ahead_step(mesh, wind, updraft, first, polar, scale, within, slide, at, dt)
+        new = ahead_step(
+            mesh,
+            wind,
+            updraft,
+            first,
+            polar=polar,
+            scale=scale,
+            within=within,
+            slide=slide,
+            now=at,
+            dt_s=dt,
+        )
         lost = flies & ((new.margin_m < 0.0) | (new.aside_mps < 0.0))
         at = Ahead(
             x_m=np.where(flies, new.x_m, at.x_m),

@@ -197,20 +197,26 @@ def gps_input(home: HomePosition, readings: Readings) -> Any:
     """GPS_INPUT: a fix at the aircraft's place."""
     motion = readings.motion
     latitude, longitude, altitude = geodetic(home, *motion.position_ned_m)
+    north, east, down = motion.velocity_ned_mps
     return mavlink.MAVLink_gps_input_message(
-        round(readings.time_s * 1e6),
-        0,
-        0,  # nothing is to be ignored
-        round(readings.time_s * 1e3) % 604_800_000,
-        GPS_WEEK,
-        3,
-        round(latitude * 1e7),
-        round(longitude * 1e7),
-        altitude,
-        *(0.7, 0.7),
-        *motion.velocity_ned_mps,
-        *(0.1, 0.2, 0.3),
-        12,
+        time_usec=round(readings.time_s * 1e6),
+        gps_id=0,
+        ignore_flags=0,
+        time_week_ms=round(readings.time_s * 1e3) % 604_800_000,
+        time_week=GPS_WEEK,
+        fix_type=3,
+        lat=round(latitude * 1e7),
+        lon=round(longitude * 1e7),
+        alt=altitude,
+        hdop=0.7,
+        vdop=0.7,
+        vn=north,
+        ve=east,
+        vd=down,
+        speed_accuracy=0.1,
+        horiz_accuracy=0.2,
+        vert_accuracy=0.3,
+        satellites_visible=12,
     )
 
 

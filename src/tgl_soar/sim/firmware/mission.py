@@ -84,16 +84,19 @@ def read_mission(path: Path) -> tuple[MissionItem, ...]:
 def set_home(system: int, home: MissionItem) -> Any:
     """The command that puts home where the file has it: else it is where the aircraft is armed."""
     return mavlink.MAVLink_command_int_message(
-        system,
-        mavlink.MAV_COMP_ID_AUTOPILOT1,
-        mavlink.MAV_FRAME_GLOBAL,
-        mavlink.MAV_CMD_DO_SET_HOME,
-        0,
-        0,
-        *(0.0, 0.0, 0.0, 0.0),
-        round(home.latitude_deg * 1e7),
-        round(home.longitude_deg * 1e7),
-        home.height_m,
+        target_system=system,
+        target_component=mavlink.MAV_COMP_ID_AUTOPILOT1,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        command=mavlink.MAV_CMD_DO_SET_HOME,
+        current=0,
+        autocontinue=0,
+        param1=0.0,
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        x=round(home.latitude_deg * 1e7),
+        y=round(home.longitude_deg * 1e7),
+        z=home.height_m,
     )
 
 
@@ -119,16 +122,21 @@ class MissionUpload:
             self.refused = "" if self.accepted else f"MAV_MISSION_RESULT {message.type}"
         elif kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT") and message.seq < len(self._items):
             item = self._items[message.seq]
+            (system, component), (one, two, three, four) = self._target, item.parameters
             return mavlink.MAVLink_mission_item_int_message(
-                *self._target,
-                message.seq,
-                item.frame,
-                item.command,
-                0,
-                1,
-                *item.parameters,
-                round(item.latitude_deg * 1e7),
-                round(item.longitude_deg * 1e7),
-                item.height_m,
+                target_system=system,
+                target_component=component,
+                seq=message.seq,
+                frame=item.frame,
+                command=item.command,
+                current=0,
+                autocontinue=1,
+                param1=one,
+                param2=two,
+                param3=three,
+                param4=four,
+                x=round(item.latitude_deg * 1e7),
+                y=round(item.longitude_deg * 1e7),
+                z=item.height_m,
             )
         return None

@@ -111,17 +111,17 @@ class Px4Physics:
     def ask_for_mode(self, system: int, mode: int) -> Any:
         """MAV_CMD_DO_SET_MODE."""
         return mavlink.MAVLink_command_long_message(
-            system,
-            1,
-            mavlink.MAV_CMD_DO_SET_MODE,
-            0,
-            1.0,
-            float(mode >> 16),
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
+            target_system=system,
+            target_component=1,
+            command=mavlink.MAV_CMD_DO_SET_MODE,
+            confirmation=0,
+            param1=1.0,
+            param2=float(mode >> 16),
+            param3=0.0,
+            param4=0.0,
+            param5=0.0,
+            param6=0.0,
+            param7=0.0,
         )
 
     throttle = 0.0  # it takes none of ours
@@ -189,16 +189,25 @@ def hil_sensor(readings: Readings) -> Any:
     updated |= MAGNETIC if magnetic is not None else 0
     updated |= BAROMETER if pressure is not None else 0
     updated |= DIFFERENTIAL if differential is not None else 0
+    force_x, force_y, force_z = readings.force_frd_mps2
+    roll_rate, pitch_rate, yaw_rate = readings.rate_frd_radps
+    magnetic_x, magnetic_y, magnetic_z = magnetic or (0.0, 0.0, 0.0)
     return mavlink.MAVLink_hil_sensor_message(
-        _microseconds(readings.time_s),
-        *readings.force_frd_mps2,
-        *readings.rate_frd_radps,
-        *(magnetic or (0.0, 0.0, 0.0)),
-        0.0 if pressure is None else pressure * 1e-2,
-        0.0 if differential is None else differential * 1e-2,
-        readings.height_m,
-        readings.temperature_c,
-        updated,
+        time_usec=_microseconds(readings.time_s),
+        xacc=force_x,
+        yacc=force_y,
+        zacc=force_z,
+        xgyro=roll_rate,
+        ygyro=pitch_rate,
+        zgyro=yaw_rate,
+        xmag=magnetic_x,
+        ymag=magnetic_y,
+        zmag=magnetic_z,
+        abs_pressure=0.0 if pressure is None else pressure * 1e-2,
+        diff_pressure=0.0 if differential is None else differential * 1e-2,
+        pressure_alt=readings.height_m,
+        temperature=readings.temperature_c,
+        fields_updated=updated,
     )
 
 
@@ -206,19 +215,19 @@ def hil_gps(place: GpsPlace, time_us: int) -> Any:
     """A fix in three dimensions of a dozen satellites."""
     north, east, down = (_cm(speed) for speed in place.velocity_ned_mps)
     return mavlink.MAVLink_hil_gps_message(
-        UTC_US + time_us,
-        3,
-        round(place.latitude_deg * 1e7),
-        round(place.longitude_deg * 1e7),
-        round(place.altitude_m * 1e3),
-        60,  # eph [cm]
-        80,  # epv [cm]
-        round(hypot(north, east, down)),
-        north,
-        east,
-        down,
-        65535,  # no course: the aircraft may stand over the ground
-        12,
+        time_usec=UTC_US + time_us,
+        fix_type=3,
+        lat=round(place.latitude_deg * 1e7),
+        lon=round(place.longitude_deg * 1e7),
+        alt=round(place.altitude_m * 1e3),
+        eph=60,  # [cm]
+        epv=80,
+        vel=round(hypot(north, east, down)),
+        vn=north,
+        ve=east,
+        vd=down,
+        cog=65535,  # no course: the aircraft may stand over the ground
+        satellites_visible=12,
     )
 
 

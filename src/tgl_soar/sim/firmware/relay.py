@@ -177,13 +177,17 @@ class Relay:
         if self._links.get(link, True):
             return
         request = mavlink.MAVLink_command_long_message(
-            self._system,
-            mavlink.MAV_COMP_ID_AUTOPILOT1,
-            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-            0,
-            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
-            round(1e6 / self.attitude_hz),
-            *(0, 0, 0, 0, 0),
+            target_system=self._system,
+            target_component=mavlink.MAV_COMP_ID_AUTOPILOT1,
+            command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            confirmation=0,
+            param1=mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+            param2=round(1e6 / self.attitude_hz),
+            param3=0,
+            param4=0,
+            param5=0,
+            param6=0,
+            param7=0,
         )
         self._companion.send(bytes(request.pack(self._own)))
 

@@ -260,5 +260,15 @@ class FirmwareSimulation(SteppedWorld):
 def arm(system: int) -> Any:
     """The command that arms."""
     return mavlink.MAVLink_command_long_message(
-        system, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        target_system=system,
+        target_component=1,
+        command=mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+        confirmation=0,
+        param1=1.0,
+        param2=0.0,
+        param3=0.0,
+        param4=0.0,
+        param5=0.0,
+        param6=0.0,
+        param7=0.0,
     )

@@ -167,7 +167,19 @@ class VehicleReports:
         if self.sensed.pitot.sequence:
             has |= mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
         return mavlink.MAVLink_sys_status_message(
-            has, has, has, 250, 11400, -1, -1, 0, 0, 0, 0, 0, 0
+            onboard_control_sensors_present=has,
+            onboard_control_sensors_enabled=has,
+            onboard_control_sensors_health=has,
+            load=250,
+            voltage_battery=11400,
+            current_battery=-1,
+            battery_remaining=-1,
+            drop_rate_comm=0,
+            errors_comm=0,
+            errors_count1=0,
+            errors_count2=0,
+            errors_count3=0,
+            errors_count4=0,
         )
 
     def _ekf_status(self) -> Any:
@@ -205,16 +217,24 @@ class VehicleReports:
         fix = self.sensed.position
         attitude = self._attitude_at(fix.time_s)
         unknown = [nan] + [0.0] * 20
+        velocity = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
+        vx, vy, vz = _body_from_ned(attitude, *velocity)
         return mavlink.MAVLink_odometry_message(
-            self._clock.boot_us(fix.time_s),
-            mavlink.MAV_FRAME_LOCAL_NED,
-            mavlink.MAV_FRAME_BODY_FRD,
-            *fix[2:5],
-            list(attitude[2:6]),
-            *_body_from_ned(attitude, *fix[5:8]),
-            *attitude[6:9],
-            unknown,
-            unknown,
+            time_usec=self._clock.boot_us(fix.time_s),
+            frame_id=mavlink.MAV_FRAME_LOCAL_NED,
+            child_frame_id=mavlink.MAV_FRAME_BODY_FRD,
+            x=fix.north_m,
+            y=fix.east_m,
+            z=fix.down_m,
+            q=[attitude.qw, attitude.qx, attitude.qy, attitude.qz],
+            vx=vx,
+            vy=vy,
+            vz=vz,
+            rollspeed=attitude.roll_rate_frd_radps,
+            pitchspeed=attitude.pitch_rate_frd_radps,
+            yawspeed=attitude.yaw_rate_frd_radps,
+            pose_covariance=unknown,
+            velocity_covariance=unknown,
         )
 
     def _attitude_at(self, time_s: float) -> AttitudeSample:
@@ -288,12 +308,21 @@ class VehicleReports:
 
 def _version() -> Any:
     return mavlink.MAVLink_autopilot_version_message(
-        mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+        capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
         | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
         | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT,
-        (4 << 24) | (6 << 16) | (3 << 8) | 255,  # the release whose behaviour this follows
-        0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0,
-    )  # fmt: skip
+        # The release whose behaviour this follows.
+        flight_sw_version=(4 << 24) | (6 << 16) | (3 << 8) | 255,
+        middleware_sw_version=0,
+        os_sw_version=0,
+        board_version=0,
+        flight_custom_version=[0] * 8,
+        middleware_custom_version=[0] * 8,
+        os_custom_version=[0] * 8,
+        vendor_id=0,
+        product_id=0,
+        uid=0,
+    )
 
 
 def _body_from_ned(

@@ -383,7 +383,15 @@ def foreseen(
             updraft_sigma_mps=UPDRAFT_BIAS_MPS,
         )
         state = forecast_step(
-            params, place.fence, place.ground, state, vehicle, air, 0.03, start.eta_rad, False
+            params,
+            place.fence,
+            place.ground,
+            state,
+            vehicle=vehicle,
+            air=air,
+            velocity_sigma_mps=0.03,
+            eta_rad=start.eta_rad,
+            moving=False,
         )
         if nowhere(state.foreseen):
             return Slid(
