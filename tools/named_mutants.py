@@ -126,7 +126,7 @@ NAMED: Final = (
     ),
     Named(
         "link/signing.py",
-        "    return frame[-_BLOCK], source_of(frame)\n",
+        "    return frame[-SIGNATURE], source_of(frame)\n",
         "    return 0, source_of(frame)\n",
         "the link's id is ignored",
     ),

@@ -19,6 +19,8 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 NAN: Final = float("nan")
+INFINITE: Final = float("inf")
+NEVER_S: Final = -INFINITE  # the time of what has not been yet
 GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the accelerometers
 
 

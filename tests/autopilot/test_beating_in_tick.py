@@ -15,7 +15,7 @@ from tgl_soar.air.wind_record import RecordedField, WindRecord
 from tgl_soar.analysis.experiments.outdoors.hour import BEATS, HourCase, HourJob, hour_flown
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.landing import BREAK, STAY
-from tgl_soar.control.launch_landing import LOW_S, SLOW_S, Lull, can_beat, with_way_home
+from tgl_soar.control.launch_landing import SLOW_S, Lull, can_beat, with_way_home
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.ridge_beat import BACK_S, VEER_S
 from tgl_soar.control.supervisor import (
@@ -35,6 +35,7 @@ from tgl_soar.control.supervisor import (
     SETTLES,
     SOARING,
 )
+from tgl_soar.control.throttle import LOW_S
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.types import NO_AIR
 

@@ -21,7 +21,6 @@ from tgl_soar.control.estimates import estimate
 from tgl_soar.control.glide_home import STILL_S
 from tgl_soar.control.landing import FINAL_M, FLARE_MIN_M, SOAR_ON
 from tgl_soar.control.launch_landing import (
-    LOW_S,
     SLOW_S,
     Lull,
     phase_conditions,
@@ -53,6 +52,7 @@ from tgl_soar.control.supervisor import (
     SOARING,
     STANDBY,
 )
+from tgl_soar.control.throttle import LOW_S
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.flight import inputs_at
 from tgl_soar.sim.throw import Throw, ThrownWorld

@@ -17,7 +17,6 @@ from tgl_soar.control.envelope import (
     CUT_NOT_FINITE,
     CUT_RATE,
     CUT_TRAVEL,
-    INFINITE,
     MARGIN_FULL,
     OUT_ABOVE,
     OUT_BELOW,
@@ -40,7 +39,14 @@ from tgl_soar.control.envelope import (
     pitch_within,
     stall_margin,
 )
-from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground, SurfaceCommand, ground_segment
+from tgl_soar.types import (
+    GROUND_POINTS,
+    INFINITE,
+    NO_GROUND,
+    Ground,
+    SurfaceCommand,
+    ground_segment,
+)
 
 LIMITS = EnvelopeLimits(
     deflection_max=0.8,

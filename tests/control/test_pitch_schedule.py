@@ -16,7 +16,6 @@ from tgl_soar.control.pitch_schedule import (
     AGE_FOUND_S,
     AGE_UP_S,
     FIX_AGE_S,
-    GRAVITY_MPS2,
     HOLD_S,
     LAG_LEFT_S,
     LAG_TURNS_S,
@@ -35,6 +34,7 @@ from tgl_soar.control.pitch_schedule import (
 from tgl_soar.control.soaring import SoaringGains
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import SoaringFrame
+from tgl_soar.types import GRAVITY_MPS2
 
 PID = PidGains(
     kp=0.95,

@@ -9,8 +9,8 @@ from math import cos, nan, pi, radians, sin
 import pytest
 from samples import attitude_sample
 
-from tgl_soar.link.sources import Quaternion
-from tgl_soar.link.tracked_attitude import FRESH_S, RETURN_S, TILT_RAD, TrackedAttitude
+from tgl_soar.link.sources import RETURN_S, Quaternion
+from tgl_soar.link.tracked_attitude import FRESH_S, TILT_RAD, TrackedAttitude
 from tgl_soar.types import NO_ATTITUDE, AttitudeSample
 
 

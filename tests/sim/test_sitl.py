@@ -22,10 +22,10 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import shipped
+from tgl_soar.sim.injection import OVERRIDE_TIME_S
 from tgl_soar.sim.operator import Operator
 from tgl_soar.sim.sitl import fly, passed
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
-from tgl_soar.sim.sitl_processes import OVERRIDE_TIME_S
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")

@@ -22,11 +22,11 @@ from tgl_soar.link.messages import (
     Source,
 )
 from tgl_soar.link.routing import Route
+from tgl_soar.link.session import HEARTBEAT_S
 from tgl_soar.link.signing_keys import Secret, peers_of, signing_from
 from tgl_soar.link.transport import open_link
 from tgl_soar.onboard.setup import commanding_source
 
-HEARTBEAT_S: Final = 1.0
 LOOK_S: Final = 0.02
 
 LinkOption = Annotated[str, typer.Option("--link", help="To the autopilot, as for `tgl-soar run`.")]

@@ -26,6 +26,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, Done, Orders
 from tgl_soar.cli.page.settling_preview import GhostLine
 from tgl_soar.cli.page.station import StationAnswer
+from tgl_soar.config.airframe import COMPONENT_ID
 from tgl_soar.config.files import ConfigError, load_site
 from tgl_soar.config.line_changes import LINE
 from tgl_soar.config.parameters import INDEX, ParameterError, checked_value
@@ -36,7 +37,6 @@ from tgl_soar.estimation.health import FAULT_TEXTS
 from tgl_soar.onboard.telemetry_values import FAST, HELD_BACK, SLOW
 
 NAME: Final = "tgl"
-COMPONENT: Final = 191
 FETCH_S: Final = 2.0  # between two requests for parameters that are missing
 SILENCE_S: Final = 3.0  # three heartbeats: the module counts as silent
 WANTED: Final = (*LINE, "TGL_STAGE", "TGL_PRESET")
@@ -57,7 +57,7 @@ class MavproxyStation:
 
     def __init__(self, master: Callable[[], Any], target_system: Callable[[], int]) -> None:
         """master: the link that MAVProxy sends on now.  target_system: 0: whichever is there."""
-        self.component = COMPONENT
+        self.component = COMPONENT_ID
         self.parameters: dict[str, float] = {}
         self.values: dict[str, float] = {}
         self.on_answer: Callable[[StationAnswer], None] = lambda _answer: None

@@ -121,13 +121,16 @@ class Surfaces(Strict, frozen=True):
 OPERATORS: Final = frozenset((245, *range(250, 256)))
 
 
+COMPONENT_ID: Final = 191  # of the module; 1 is the autopilot itself
+
+
 class AutopilotLink(Strict, frozen=True):
     """The autopilot that moves the surfaces, and the identities used towards it."""
 
     firmware: Literal["ardupilot", "px4", "paparazzi", "bridge"]
     route: str | None = None  # by which it is commanded; None: the firmware's usual one
     system_id: SystemId = 1
-    component_id: Annotated[int, Meta(ge=2, le=255)] = 191  # 1 is the autopilot itself
+    component_id: Annotated[int, Meta(ge=2, le=255)] = COMPONENT_ID
     override_system_id: SystemId = 255  # what the firmware's SYSID_MYGCS names
     operators: frozenset[SystemId] = OPERATORS  # who may set parameters and command
     # The message that brings accelerations; "usual" is what the firmware does best.

@@ -21,6 +21,7 @@ from typing import Final
 from tgl_soar.config.strict import Measured, Strict
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
+DENSITY_KGPM3: Final = 1.225  # of the air at the sea, where a file says nothing else
 USUAL_LAG_S: Final = 0.0185  # of a digital servo of this size, by 54 rad/s
 # From a sensor to the servo's input [s] by firmware and route, where nobody has measured it: the
 # medians of docs/autopilots.md.  ArduPlane takes overrides up 50 times a second, attitudes at once.
@@ -95,7 +96,7 @@ def _glide(
     bench: Mapping[str, float], model: Mapping[str, float], polar: GlidePolar
 ) -> dict[str, float]:
     drag, induced = model.get("CD0", 0.0), model.get("CD_lift", 0.0)
-    density = model.get("air_density_kgpm3", 1.225)
+    density = model.get("air_density_kgpm3", DENSITY_KGPM3)
     if drag > 0.0 and induced > 0.0:
         lift = sqrt(drag / induced)
         weight = bench["mass_kg"] * model.get("gravity_mps2", GRAVITY_MPS2)
@@ -117,7 +118,7 @@ def _short_period(
     needed = ("CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator")
     if not all(key in model for key in needed):
         return {}
-    pressure = 0.5 * model.get("air_density_kgpm3", 1.225) * speed_mps * speed_mps
+    pressure = 0.5 * model.get("air_density_kgpm3", DENSITY_KGPM3) * speed_mps * speed_mps
     force = pressure * bench["wing_area_m2"]
     chord = bench["chord_m"]
     turning = force * chord / bench["iyy_kgm2"]

@@ -45,7 +45,8 @@ from tgl_soar.config.parameters import (
 
 LINE: Final = ("TGL_X", "TGL_Z", "TGL_LEAN")
 STAGED: Final = (*LINE, "TGL_SLEW")
-BOUNDS: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX", "CLEAR_MIN")
+SIDES: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")  # of the plane
+BOUNDS: Final = (*SIDES, "CLEAR_MIN")
 # What the margins of the loops are made of, apart from the line's lean.
 _LOOPS: Final = ("RHO_", "ELE_", "DYN_", "AIL_", "RUD_", "SIDE_", "LAT_")
 LOOP: Final = (

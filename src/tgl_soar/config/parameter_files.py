@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
+from tgl_soar.config.airframe import COMPONENT_ID
 from tgl_soar.config.parameters import (
     INDEX,
     PARAMETERS,
@@ -57,7 +58,11 @@ def shortest(value: float) -> str:
 
 
 def written(
-    values: Iterable[tuple[str, float]], form: Format, *, system: int = 1, component: int = 191
+    values: Iterable[tuple[str, float]],
+    form: Format,
+    *,
+    system: int = 1,
+    component: int = COMPONENT_ID,
 ) -> str:
     """The text of a file.  Values are 32-bit floats."""
     if form == "mavproxy":
@@ -74,7 +79,7 @@ def written(
     )
 
 
-def read_file(path: str | Path, *, component: int = 191) -> ReadFile:
+def read_file(path: str | Path, *, component: int = COMPONENT_ID) -> ReadFile:
     """Read a file of either format.  Errors: `ParameterFileError`."""
     try:
         with Path(path).open("rb") as file:
@@ -91,7 +96,9 @@ def read_file(path: str | Path, *, component: int = 191) -> ReadFile:
     return read_text(text, str(path), component=component)
 
 
-def read_text(text: str, source: str, *, component: int = 191, strict: bool = True) -> ReadFile:
+def read_text(
+    text: str, source: str, *, component: int = COMPONENT_ID, strict: bool = True
+) -> ReadFile:
     """Read a file's text; each row tells its own format.
 
     Rows of other components, names that are not ours and those that no file may set are passed

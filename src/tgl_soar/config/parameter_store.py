@@ -33,6 +33,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 from zlib import crc32
 
+from tgl_soar.config.airframe import COMPONENT_ID
 from tgl_soar.config.line_changes import Presets, with_changes
 from tgl_soar.config.parameter_files import LARGEST_BYTES, read_text, written
 from tgl_soar.config.parameters import ParameterError, ParameterSet
@@ -58,7 +59,7 @@ class Identity(NamedTuple):
     airframe: str
     site: str
     system: int = 1
-    component: int = 191
+    component: int = COMPONENT_ID
 
 
 class Restored(NamedTuple):

@@ -75,9 +75,9 @@ from tgl_soar.control.supervisor import (
     SupervisorState,
 )
 from tgl_soar.control.target_line import LineState, LineTracking, e_rho
-from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INFINITE, INSANE
+from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import AirEstimate, Health, Inputs, MotionQuality, VehicleState
+from tgl_soar.types import INFINITE, AirEstimate, Health, Inputs, MotionQuality, VehicleState
 
 UNCERTAINTY_MAX: Final = 3.0  # times EST_SD_MAX: more uncertain than this no fix is young enough
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all

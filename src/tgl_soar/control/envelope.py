@@ -35,9 +35,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.types import Ground, SurfaceCommand, ground_segment, isfinite
+from tgl_soar.types import INFINITE, Ground, SurfaceCommand, ground_segment, isfinite
 
-INFINITE: Final = float("inf")
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
 MARGIN_FULL: Final = 0.05  # rad; from here on all of the elevator may be used
 STALL_BEYOND: Final = 0.05  # rad (or 1 m/s) beyond the limit: it does not hold, a stall

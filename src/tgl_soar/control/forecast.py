@@ -61,6 +61,7 @@ from tgl_soar.control.envelope import LOW_AHEAD_S, Fence
 from tgl_soar.control.line_room import DEPTH_MAX_M, LineRoom, line_room
 from tgl_soar.types import (
     GRAVITY_MPS2,
+    INFINITE,
     NAN,
     AirEstimate,
     GlidePolar,
@@ -70,8 +71,6 @@ from tgl_soar.types import (
     polar_sink,
     polar_slope,
 )
-
-INFINITE: Final = float("inf")
 
 # A slide takes half a second or more for its 63 % (1 / λ), and a gust of a metre as long to pass.
 PERIOD_S: Final = 0.1

@@ -16,9 +16,9 @@ from __future__ import annotations
 from math import exp
 from typing import Final, NamedTuple
 
-from tgl_soar.control.landing import INFINITE, LandingParams, escape_height, flare_height
+from tgl_soar.control.landing import LandingParams, escape_height, flare_height
 from tgl_soar.control.wind_triangle import slower, wind_speed
-from tgl_soar.types import NAN, AirEstimate, VehicleState
+from tgl_soar.types import INFINITE, NAN, AirEstimate, VehicleState
 
 AVERAGE_S: Final = 1.0  # of the height left
 TREND_S: Final = 10.0  # of how fast it goes

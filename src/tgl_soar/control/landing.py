@@ -92,10 +92,16 @@ from tgl_soar.control.airspeed_hold import (
 )
 from tgl_soar.control.weaving import WEAVE_MIN_RAD, WEAVE_RADPS, weave_angle
 from tgl_soar.control.wind_triangle import cross_wind, ground_speed
-from tgl_soar.types import NAN, AirEstimate, GlidePolar, VehicleState, polar_sink
+from tgl_soar.types import (
+    GRAVITY_MPS2,
+    INFINITE,
+    NAN,
+    AirEstimate,
+    GlidePolar,
+    VehicleState,
+    polar_sink,
+)
 
-GRAVITY_MPS2: Final = 9.80665
-INFINITE: Final = float("inf")
 SPEEDS: Final = 9  # of the polar that are tried
 ADVANCE_MPS: Final = 0.5  # over the ground, at least: what advances less arrives nowhere
 SLOW_BY_MPS: Final = 1.0  # above SPEED_MIN: all of the elevator is left

@@ -55,7 +55,8 @@ from tgl_soar.control.lateral_schedule import (
 )
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains
-from tgl_soar.control.pitch_schedule import FIX_AGE_S, GRAVITY_MPS2, HOLD_S, GainSchedule
+from tgl_soar.control.pitch_schedule import FIX_AGE_S, HOLD_S, GainSchedule
+from tgl_soar.types import GRAVITY_MPS2
 
 ATTITUDE_AGE_S: Final = 0.005  # without accelerometers' stream; carried on by the rate
 

@@ -26,9 +26,8 @@ from math import exp, hypot, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.control.target_line import LineLimits
-from tgl_soar.types import GRAVITY_MPS2, ImuSample, VehicleState
+from tgl_soar.types import GRAVITY_MPS2, INFINITE, ImuSample, VehicleState
 
-INFINITE: Final = float("inf")
 PUSH_S: Final = 0.5  # a throw takes 0.2 to 0.4 s; a stride, forth and back, about as long
 # An older acceleration is none of now: four samples of the slowest stream that counts, and as long
 # as a throw.

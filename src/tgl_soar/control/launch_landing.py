@@ -55,6 +55,7 @@ from tgl_soar.control.ridge_beat import (
 from tgl_soar.control.soaring import SoaringState, gliding_step
 from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
+from tgl_soar.control.throttle import LOW_S
 from tgl_soar.control.wind_triangle import wind_speed
 from tgl_soar.estimation.aerodynamics import glide_pitch
 from tgl_soar.estimation.motion_state import FUTURE_S
@@ -63,7 +64,6 @@ from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
 SINKS_S: Final = 2.0  # of a second each to find out and to gain speed
 # A gust of some metres' eddy is over in half of it, and its own speed carries an aircraft so long.
 SLOW_S: Final = 2.0
-LOW_S: Final = 0.3  # of the two seconds: a thermal's edge or an estimate's step is no sink
 
 
 class Lull(NamedTuple):

@@ -35,12 +35,11 @@ from typing import Final, NamedTuple
 
 from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.lateral_margin import disk_margins, sideways_flown
+from tgl_soar.control.lateral_margin import ATTITUDE_AGE_S, disk_margins, sideways_flown
 from tgl_soar.control.laws import Laws, dynamics_of, laws_from
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.pitch_schedule import (
     FIX_AGE_S,
-    GRAVITY_MPS2,
     HOLD_S,
     SPEED_MIN_MPS,
     Dynamics,
@@ -49,7 +48,7 @@ from tgl_soar.control.pitch_schedule import (
 )
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.types import NAN
+from tgl_soar.types import GRAVITY_MPS2, NAN
 
 FLOOR: Final = 0.5  # 4.4 dB and 28 degrees at once: the least that is flown
 # 2.2 dB and 14 degrees: less than the model may be wrong by. Between both an operator who sees that
@@ -59,7 +58,6 @@ WAY_STEP_M: Final = 0.5  # of the way to the waypoint: one answer for roll and h
 FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there
 # Of the best glide's speed: where it soars in a tunnel and on a hill, 8.5 to 10.6 m/s for 9.25.
 SPEEDS: Final = (0.92, 1.0, 1.15)
-ATTITUDE_AGE_S: Final = 0.005  # without accelerometers' stream; carried on by the rate
 _RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
 # The place of the line says nothing of the loop.
 _ANYWHERE: Final = {"TGL_X": 0.0, "TGL_Z": 0.0, "TGL_PRESET": 0.0}

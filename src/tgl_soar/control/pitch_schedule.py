@@ -75,9 +75,8 @@ from typing import Final, NamedTuple
 
 from tgl_soar.control.pid import PidGains
 from tgl_soar.control.soaring import SoaringGains
-from tgl_soar.types import NAN, isfinite
+from tgl_soar.types import GRAVITY_MPS2, NAN, isfinite
 
-GRAVITY_MPS2: Final = 9.80665
 SPEED_MIN_MPS: Final = 1.0  # nothing that soars was found to fly slower
 EFFECT_MIN_RADPS2: Final = 1.0  # less moves nothing
 LEAN_MAX_RAD: Final = pi / 3.0  # of a line that can be set

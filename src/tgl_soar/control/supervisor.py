@@ -40,6 +40,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tgl_soar.types import INFINITE
+
 # Modes.  Plain numbers: they go over the wire and into the log.
 BOOT: Final = 0
 STANDBY: Final = 1
@@ -56,7 +58,6 @@ BREAKING_OFF: Final = 11
 LANDING: Final = 12
 BEATING: Final = 13
 
-INFINITE: Final = float("inf")
 MINIMUM_S: Final = 0.2
 READY_S: Final = 1.0
 TROUBLE_S: Final = 0.1

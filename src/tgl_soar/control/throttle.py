@@ -34,13 +34,13 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from tgl_soar.control.envelope import limit_throttle
+from tgl_soar.control.point_hold import FADE_PER_S
 from tgl_soar.types import GRAVITY_MPS2, isfinite
 
 CLIMB_MPS: Final = 0.3  # regained: a fifth of the sink of small gliders, seen through gusts of 3 %
 GAIN: Final = 1.0
 INTEGRAL_PER_S: Final = 1.0  # slower than λ (1 + K) and the motor together by far
 HOLD_S: Final = 1.0  # two eddies of a metre and more
-FADE_PER_S: Final = 0.5  # as the brake's: slower than the short period and the line's loop
 AHEAD_S: Final = 2.0  # of a second each to open the throttle and to turn the flight path
 LOW_S: Final = 0.3  # of them: as for breaking off, an estimate's step is no sink
 WEAKEST_MPS: Final = 0.05  # of all of it: less is no power

@@ -37,6 +37,7 @@ from tgl_soar.estimation.attitude_track import is_turn
 from tgl_soar.estimation.motion_state import FUTURE_S, MotionState
 from tgl_soar.geometry import is_rotation
 from tgl_soar.types import (
+    INFINITE,
     NAN,
     AttitudeSample,
     Health,
@@ -46,7 +47,6 @@ from tgl_soar.types import (
     isfinite,
 )
 
-INFINITE: Final = float("inf")
 HEARTBEAT_FUTURE_S: Final = 1.0  # between two of them
 AVERAGED: Final = 32.0
 GAP_FACTOR: Final = 3.5

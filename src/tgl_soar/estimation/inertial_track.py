@@ -19,7 +19,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-INFINITE: Final = float("inf")
+from tgl_soar.types import INFINITE
+
 NODES: Final = 8
 NODE_S: Final = 0.064  # from one node to the next, or one sample where those are farther apart
 

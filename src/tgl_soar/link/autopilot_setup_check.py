@@ -19,13 +19,13 @@ from typing import Final
 from tgl_soar.link.autopilots.base import Flavour
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Needs, compare, remedy
 from tgl_soar.link.messages import COMPONENT_AUTOPILOT, Outbound, ParamRequestRead, ParamValue
+from tgl_soar.types import NEVER_S
 
 ASK_S: Final = 0.8  # before a parameter is asked for again
 ASK_TIMES: Final = 4
 BURST: Final = 2  # requests at once, and how soon the next: 640 bytes a second at most
 BURST_S: Final = 0.1
 NAMED: Final = 3  # of the parameters that have not answered
-NEVER: Final = float("-inf")
 
 
 class ParameterReading:
@@ -50,7 +50,7 @@ class ParameterReading:
     def ask(self, names: Iterable[str]) -> None:
         """Ask for some again; until they answer, what they were stands."""
         for name in names:
-            self._waiting[name] = (0, NEVER)
+            self._waiting[name] = (0, NEVER_S)
 
     def take(self, message: ParamValue) -> bool:
         """Take in a parameter of the autopilot; whether it is one of these."""
@@ -98,13 +98,13 @@ class SetupInquiry:
         self._override_system = override_system
         names = [*flavour.asked, *(name for row in self._rows for name in row.names)]
         self._reading = ParameterReading(flavour, target_system, names)
-        self._due_s = NEVER
+        self._due_s = NEVER_S
         self._reported: dict[str, str] = {}  # by what it is about
 
     def restart(self) -> None:
         """Ask again."""
         self._reading.restart()
-        self._due_s = NEVER
+        self._due_s = NEVER_S
 
     def take(self, message: ParamValue) -> None:
         """A parameter of the autopilot."""

@@ -39,6 +39,7 @@ from collections.abc import Hashable
 from typing import Final
 
 from tgl_soar.link.sensor_clock import SensorClock
+from tgl_soar.types import INFINITE, NAN
 
 WINDOW_S: Final = 5.0
 LAG_S: Final = 0.25  # more than a clock is slewed in the window: 0.15 s at 3 %
@@ -62,9 +63,6 @@ NEAR_WRAP_S: Final = 300.0  # further from it a clock that has gone back has res
 STAMP_MAX_S: Final = 1e10  # 317 years: no clock reaches it; a double is finer than 2 us below it
 UNIX_S: Final = 1e9  # 2001: later is the time of day, which counts from elsewhere than the boot
 SHARED_S: Final = 0.25  # streams whose offsets are no further apart have one clock
-
-NAN: Final = float("nan")
-INF: Final = float("inf")
 
 
 class ClockMap:
@@ -183,7 +181,7 @@ class StampedStream:
         self.newest_s = NAN  # the last stamp that was taken, unwrapped
         self.begun_s = NAN  # when the first one came of this clock
         self.fitted_s = NAN  # when the last one came that fitted
-        self.contested_s = -INF  # until when two clocks are received
+        self.contested_s = -INFINITE  # until when two clocks are received
         self._wrap_s = wrap_s
         self._ahead_s = 0.0  # what the stamps have lost by beginning again at zero
 
@@ -196,7 +194,7 @@ class StampedStream:
         """The stamp as if its counter had no end; remembered only once it is taken."""
         stamp_s += self._ahead_s
         gone_back_s = self.newest_s - stamp_s  # NaN: the first one
-        if abs(gone_back_s) > GAP_S and self._wrap_s != INF:  # after a long silence
+        if abs(gone_back_s) > GAP_S and self._wrap_s != INFINITE:  # after a long silence
             late_s = now_s - stamp_s - self.map.offset_s
             rounds_s = self._wrap_s * round(late_s / self._wrap_s) if late_s == late_s else 0.0
             if abs(late_s - rounds_s) <= LATE_S:
@@ -222,7 +220,7 @@ class StampedStream:
         if offset_s == offset_s:
             return now_s - stamp_s - offset_s
         late_s = now_s - stamp_s - shared_s
-        if late_s == late_s and self._wrap_s != INF:
+        if late_s == late_s and self._wrap_s != INFINITE:
             late_s -= self._wrap_s * round(late_s / self._wrap_s)
         return late_s
 
@@ -254,7 +252,7 @@ class StampedStreams:
         self.suspect_ahead_s = 0.0  # by how much the last such clock is ahead of the known one
         self.refused = 0  # frames of another clock, or while two are received
         self._fitted_s = NAN  # when the autopilot's clock was received last
-        self._contested_s = -INF
+        self._contested_s = -INFINITE
         self._lockstep = lockstep
         self._streams: dict[Hashable, StampedStream] = {}
 
@@ -415,7 +413,7 @@ class StampedStreams:
         if not which.foreign:
             self.reboots += 1
             self.leap_s = -late_s
-            self._fitted_s, self._contested_s = NAN, -INF
+            self._fitted_s, self._contested_s = NAN, -INFINITE
             for stream in self._streams.values():
                 if not stream.foreign:
                     stream.restart()

@@ -25,7 +25,7 @@ HEADER_V2: Final = 10
 CHECKSUM: Final = 2
 SHORTEST_V2: Final = HEADER_V2 + CHECKSUM
 SIGNED: Final = 0x01
-SIGNATURE: Final = 13
+SIGNATURE: Final = 13  # link id, timestamp, and six bytes of the hash
 LARGEST_V1: Final = 255  # MAVLink 1 has no larger message numbers
 
 CHECKSUM_OF_BYTE: Final = tuple(checksum(bytes((byte,)), 0) for byte in range(256))

@@ -33,11 +33,11 @@ from tgl_soar.link.messages import (
     Outbound,
     Source,
 )
+from tgl_soar.types import NEVER_S
 
 # A landing's own mission has some ten items; a survey that ends in one may have hundreds, and at
 # 57600 baud each item and its request take 15 ms.
 ITEMS_MAX: Final = 1000
-NEVER: Final = float("-inf")
 
 
 class MissionLanding(NamedTuple):
@@ -77,14 +77,14 @@ class MissionReading:
         self._count = -1
         self._asks = False
         self._tries = 0
-        self._asked_s = NEVER
+        self._asked_s = NEVER_S
 
     def begin(self) -> None:
         """Ask for it, all of it, whatever is known."""
         self.items = []
         self.is_known, self.failed = False, ""
         self._count, self._asks = -1, True
-        self._tries, self._asked_s = 0, NEVER
+        self._tries, self._asked_s = 0, NEVER_S
 
     def restart(self) -> None:
         """The autopilot may be another one, or the clock is: what was asked for is asked again."""
@@ -145,7 +145,7 @@ class MissionReading:
         )
 
     def _answered(self) -> None:
-        self._tries, self._asked_s = 0, NEVER
+        self._tries, self._asked_s = 0, NEVER_S
 
     def _end(self, failed: str) -> None:
         self._asks = False

@@ -20,10 +20,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from struct import pack, unpack
 from typing import Final
-from zlib import crc32
 
 from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.link.component_metadata import checksum_of
 from tgl_soar.link.hot_frames import float32
 from tgl_soar.link.messages import (
     PARAM_ERROR_DOES_NOT_EXIST,
@@ -52,7 +52,6 @@ HASH: Final = "_HASH_CHECK"
 _HASH_INDEX: Final = 65535  # MAVLink's own word for none
 _PARAM_TYPES_INTEGER: Final = range(1, 9)
 _BY_NAME: Final = tuple(sorted(p.name for p in PARAMETERS))
-_ALL_BITS: Final = 0xFFFF_FFFF
 _EXPONENT: Final = 0x7F80_0000
 
 
@@ -163,7 +162,7 @@ class ParameterServer:
             name.encode("ascii") + pack("<f", float32(self.line.shown(self.values, name)))
             for name in _BY_NAME
         )
-        number = crc32(wire, _ALL_BITS) ^ _ALL_BITS
+        number = checksum_of(wire)
         if number & _EXPONENT == _EXPONENT:
             number ^= 0x0080_0000  # not a number as a float: it would not arrive as it is
         (as_float,) = unpack("<f", pack("<I", number))

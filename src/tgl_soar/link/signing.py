@@ -41,6 +41,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final
 
+from tgl_soar.link.frames import HEADER_V2, MARKER_V2, SIGNATURE, SIGNED
 from tgl_soar.link.messages import Source
 
 KEY_BYTES: Final = 32
@@ -59,11 +60,7 @@ MAX_STREAMS: Final = 64
 # SET_MODE, MANUAL_CONTROL, RC_CHANNELS_OVERRIDE.  Not RC_CHANNELS, which the autopilot streams:
 # the pilot's switch must work whatever the disk does, and replaying a stream needs its silence.
 COMMANDS: Final = frozenset((75, 76, 23, 256, 11, 69, 70))
-_MARKER_V2: Final = 0xFD
-_SIGNED: Final = 0x01
-_HEADER: Final = 10
 _FRACTION: Final = 6  # bytes of the hash that are sent
-_BLOCK: Final = 13  # link id, timestamp, signature
 
 
 @dataclass(slots=True)
@@ -221,13 +218,13 @@ def signed(frame: bytes, key: bytes, link_id: int, timestamp: int) -> bytes:
 
 def source_of(frame: bytes) -> Source:
     """The sender of a frame of either version."""
-    at = 5 if frame[0] == _MARKER_V2 else 3
+    at = 5 if frame[0] == MARKER_V2 else 3
     return Source(frame[at], frame[at + 1])
 
 
 def _stream_of(frame: bytes) -> tuple[int, Source]:
     """Link id and sender of a signed frame."""
-    return frame[-_BLOCK], source_of(frame)
+    return frame[-SIGNATURE], source_of(frame)
 
 
 def _signature(frame: bytes, key: bytes) -> bytes:
@@ -236,8 +233,8 @@ def _signature(frame: bytes, key: bytes) -> bytes:
 
 
 def _is_signed(frame: bytes) -> bool:
-    long_enough = len(frame) >= _HEADER + _BLOCK
-    return long_enough and frame[0] == _MARKER_V2 and frame[2] & _SIGNED != 0
+    long_enough = len(frame) >= HEADER_V2 + SIGNATURE
+    return long_enough and frame[0] == MARKER_V2 and frame[2] & SIGNED != 0
 
 
 def _number(frame: bytes) -> int:
@@ -246,4 +243,4 @@ def _number(frame: bytes) -> int:
 
 
 def _timestamp(frame: bytes) -> int:
-    return int.from_bytes(frame[-_BLOCK + 1 : -_FRACTION], "little")
+    return int.from_bytes(frame[-SIGNATURE + 1 : -_FRACTION], "little")

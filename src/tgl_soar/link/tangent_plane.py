@@ -17,9 +17,9 @@ from __future__ import annotations
 from math import cos, radians, sin, sqrt
 from typing import Final, NamedTuple
 
-_A_M: Final = 6_378_137.0
+EQUATOR_M: Final = 6_378_137.0
 _F: Final = 1.0 / 298.257223563
-_E2: Final = _F * (2.0 - _F)
+ECCENTRICITY2: Final = _F * (2.0 - _F)
 
 Triple = tuple[float, float, float]
 
@@ -55,10 +55,10 @@ class TangentPlane:
 
 def _ecef(latitude_rad: float, longitude_rad: float, altitude_m: float) -> Triple:
     s, c = sin(latitude_rad), cos(latitude_rad)
-    normal_m = _A_M / sqrt(1.0 - _E2 * s * s)
+    normal_m = EQUATOR_M / sqrt(1.0 - ECCENTRICITY2 * s * s)
     from_axis_m = (normal_m + altitude_m) * c
     return (
         from_axis_m * cos(longitude_rad),
         from_axis_m * sin(longitude_rad),
-        (normal_m * (1.0 - _E2) + altitude_m) * s,
+        (normal_m * (1.0 - ECCENTRICITY2) + altitude_m) * s,
     )

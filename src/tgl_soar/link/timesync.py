@@ -25,6 +25,7 @@ from typing import Final
 
 from tgl_soar.link.clock import WINDOW_S
 from tgl_soar.link.messages import Timesync
+from tgl_soar.types import NAN
 
 ASK_S: Final = 1.0
 ASK_QUEUED_S: Final = 0.2  # so soon after its end a queue is no longer counted
@@ -35,8 +36,6 @@ RECENT_LEAST: Final = 3  # answers, however long ago: one that is slow after a s
 SLACK_S: Final = 0.05
 KEPT: Final = 8  # answers among which the quickest is looked for
 WAITING: Final = 16  # questions whose answer is still waited for
-
-NAN: Final = float("nan")
 
 
 class RoundTrip:

@@ -20,14 +20,13 @@ from math import acos, degrees, sqrt
 from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
-from tgl_soar.link.sources import Quaternion
+from tgl_soar.link.sources import RETURN_S, Quaternion
 from tgl_soar.types import NAN, NO_ATTITUDE, AttitudeSample
 
 # 0.6 rad of phase of a short period of 12 rad/s: what a delay of the attitude may cost at most.
 FRESH_S: Final = 0.05
 # An autopilot's vertical is off by 2 to 3 degrees in curved flight, a body's by 1 when it is made.
 TILT_RAD: Final = 0.17
-RETURN_S: Final = 2.0  # as for positions
 RATES_S: Final = 0.1  # no older rates go with a pose
 
 

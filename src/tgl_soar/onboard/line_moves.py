@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from math import degrees, pi
-from typing import Final
 
-from tgl_soar.config.line_changes import ELSEWHERE
+from tgl_soar.config.line_changes import ELSEWHERE, SIDES
 from tgl_soar.config.parameters import (
     INDEX,
     PARAMETERS,
@@ -16,8 +15,6 @@ from tgl_soar.config.parameters import (
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.target_line import TargetLine
 from tgl_soar.onboard.settings import FlightSettings
-
-SIDES: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 
 
 def lean_of(line: TargetLine) -> float:

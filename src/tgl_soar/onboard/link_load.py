@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tgl_soar.link.encoder import Encoder
+from tgl_soar.link.frames import SHORTEST_V2, SIGNATURE
 from tgl_soar.link.messages import (
     ID_ATTITUDE_QUATERNION,
     ID_HEARTBEAT,
@@ -26,8 +27,6 @@ from tgl_soar.types import Setpoints, SurfaceCommand
 
 USED_MAX: Final = 0.8  # of what the line carries
 RATES_BAUD: Final = (57_600, 115_200, 230_400, 460_800, 921_600, 1_500_000, 3_000_000)
-FRAME_BYTES: Final = 12  # of a MAVLink 2 frame besides its payload
-SIGNATURE_BYTES: Final = 13
 # MAVLink 2 cuts off the zeros at the end of a payload.  Only repr_offset_q is sure to be zero here;
 # RAW_IMU and SCALED_IMU end with the temperature, which ArduPlane fills in.
 _PAYLOAD_BYTES: Final = {ID_ATTITUDE_QUATERNION: 32}
@@ -65,7 +64,7 @@ def load_of(setup: ModuleSetup, *, signed: bool = False) -> LineLoad:
 
     `signed`: frames both ways carry signatures.
     """
-    more = FRAME_BYTES + (SIGNATURE_BYTES if signed else 0)
+    more = SHORTEST_V2 + (SIGNATURE if signed else 0)
     onboard = Onboard(setup, lambda _: True, 0.0)
     wanted = onboard.session.streams.all_wanted()
     to_companion = sum(s.rate_hz * (_payload_bytes(s.message_id) + more) for s in wanted)
@@ -74,7 +73,7 @@ def load_of(setup: ModuleSetup, *, signed: bool = False) -> LineLoad:
     moved, asked = SurfaceCommand(0.1, 0.1, 0.1), Setpoints(0.1, 0.1, 0.1)
     encoder = Encoder(setup.override)
     commands = setup.flavour.commands(moved, asked)
-    signatures = SIGNATURE_BYTES * len(commands) if signed else 0
+    signatures = SIGNATURE * len(commands) if signed else 0
     a_tick = sum(len(encoder.encode(message)) for message in commands) + signatures
     to_autopilot = values["LOOP_RATE"] * a_tick + values["TEL_BUDGET"]
     to_autopilot += _payload_bytes(ID_HEARTBEAT) + more

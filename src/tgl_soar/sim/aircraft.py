@@ -61,7 +61,7 @@ Quaternion = tuple[float, float, float, float]  # (w, x, y, z), FRD to upwind NE
 # No airframe of this size survives a faster turn; the limit keeps a tumbling one finite.
 RATE_LIMIT_RADPS = 100.0
 # Below this the directions of lift and drag are taken as if the air moved this fast.
-_SLOWEST_MPS = 1e-6
+SLOWEST_MPS = 1e-6
 # The fastest glide of a model's polar, unless asked otherwise.
 FASTEST_GLIDE_MPS = 12.0
 
@@ -277,8 +277,8 @@ def _air_loads(
     plane2 = ub * ub + wb * wb
     speed = sqrt(plane2 + vb * vb)
     plane = sqrt(plane2)
-    inverse_plane = 1.0 / plane if plane > _SLOWEST_MPS else 1.0 / _SLOWEST_MPS
-    inverse_speed = 1.0 / speed if speed > _SLOWEST_MPS else 1.0 / _SLOWEST_MPS
+    inverse_plane = 1.0 / plane if plane > SLOWEST_MPS else 1.0 / SLOWEST_MPS
+    inverse_speed = 1.0 / speed if speed > SLOWEST_MPS else 1.0 / SLOWEST_MPS
     sin_alpha = wb * inverse_plane
     cos_alpha = ub * inverse_plane
     sin_beta = vb * inverse_speed

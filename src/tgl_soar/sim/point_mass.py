@@ -58,6 +58,7 @@ import numpy as np
 from tgl_soar.air.field import FloatArray
 from tgl_soar.sim.aircraft import (
     RATE_LIMIT_RADPS,
+    SLOWEST_MPS,
     AircraftState,
     Glide,
     Quaternion,
@@ -68,8 +69,6 @@ from tgl_soar.sim.aircraft import (
 )
 from tgl_soar.types import GlidePolar, SurfaceCommand, polar_sink
 
-# Below this the directions of lift and drag are taken as if the air moved this fast.
-_SLOWEST_MPS: Final = 1e-6
 # Of the polar, evenly spaced: a cubic and a parabola differ by a curve with three bends at most.
 _SPEEDS: Final = 81
 _FASTEST_MPS: Final = 1e3
@@ -168,8 +167,8 @@ def _in_the_air(
     plane2 = ub * ub + wb * wb
     speed = sqrt(plane2 + vb * vb)
     plane = sqrt(plane2)
-    inverse_plane = 1.0 / plane if plane > _SLOWEST_MPS else 1.0 / _SLOWEST_MPS
-    inverse_speed = 1.0 / speed if speed > _SLOWEST_MPS else 1.0 / _SLOWEST_MPS
+    inverse_plane = 1.0 / plane if plane > SLOWEST_MPS else 1.0 / SLOWEST_MPS
+    inverse_speed = 1.0 / speed if speed > SLOWEST_MPS else 1.0 / SLOWEST_MPS
     sin_alpha = wb * inverse_plane
     cos_alpha = ub * inverse_plane
     sin_beta = vb * inverse_speed

@@ -21,6 +21,7 @@ MILLI_G_MPS2: Final = 9.80665e-3
 PITOT_READ_S: Final = 0.1
 SEA_LEVEL_HPA: Final = 1013.25
 TEMPERATURE_C: Final = 15.0
+ZERO_CELSIUS_K: Final = 273.15
 INERTIAL: Final = (
     mavlink.HIGHRES_IMU_UPDATED_XACC
     | mavlink.HIGHRES_IMU_UPDATED_YACC
@@ -67,7 +68,7 @@ def highres_imu(
     absolute_hpa = SEA_LEVEL_HPA * density_ratio(height_m) ** 1.235  # 5.2559 / 4.2559
     updated = INERTIAL | BAROMETER
     if px4:
-        density = 100.0 * absolute_hpa / (287.05 * (TEMPERATURE_C + 273.15))
+        density = 100.0 * absolute_hpa / (287.05 * (TEMPERATURE_C + ZERO_CELSIUS_K))
         differential_hpa = 0.005 * density * pitot.airspeed_mps**2 if pitot.sequence else 0.0
         updated |= mavlink.HIGHRES_IMU_UPDATED_DIFF_PRESSURE if new else 0
     else:

@@ -12,10 +12,10 @@ from pathlib import Path
 from tgl_soar.config.site import PositionSettings, Site
 from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
+from tgl_soar.sim.injection import OVERRIDE_TIME_S
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
 LOGS_MB = 500.0  # of all flights in a folder
-OVERRIDE_TIME_S = 0.5  # as docs and README ask of a real autopilot: 3 s would lose the aircraft
 
 
 def free_address() -> str:

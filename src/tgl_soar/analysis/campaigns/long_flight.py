@@ -21,13 +21,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.analysis.campaigns.drawn_faults import place
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import ModelKind, Surfaces
+from tgl_soar.link.clock import MILLISECONDS_WRAP_S
 from tgl_soar.onboard.module import Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.channels import deflection_from_pwm
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import SurfaceCommand
 
-WRAP_S: Final = 2**32 * 1e-3
 TURBULENCE: Final = 0.01
 ENGAGED_S: Final = 2.0  # when the operator engages; the aircraft is held until then
 RELEASED: Final = 0
@@ -127,7 +127,7 @@ def fly_long(
     trim = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
     wire = _Wire(airframe.surfaces)
     onboard = Onboard(setup_from(airframe, site, values), wire.take, 0.0, lockstep=True)
-    begun_s = WRAP_S - 0.5 * duration_s
+    begun_s = MILLISECONDS_WRAP_S - 0.5 * duration_s
     flight = LongFlight(duration_s)
     steps = round(duration_s * world.step_hz)
     part_steps = max(1, steps // PARTS)
@@ -190,7 +190,7 @@ def fly_long(
     flight.reboots = onboard.session.counters.reboots
     flight.stale = onboard.session.counters.stale
     flight.lost = onboard.decoder.counters.lost
-    flight.wrapped = begun_s + world.time_s > WRAP_S
+    flight.wrapped = begun_s + world.time_s > MILLISECONDS_WRAP_S
     return flight
 
 

@@ -41,6 +41,8 @@ from tgl_soar.sim.sensors import Sensors
 from tgl_soar.sim.world import World, flown_aircraft, make_world
 from tgl_soar.types import polar_sink
 
+# The gains of the line, without accelerometers and with.
+LINE_GAINS = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
 SETTLE_S = 5.0
 # Where a drawn aircraft's own place is looked for: about the files' one, farther than drawn wind
 # and drag (3 % and 10 %) move it where the contour is flattest, at [a] on the hill (2 m).

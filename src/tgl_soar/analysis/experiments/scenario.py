@@ -45,6 +45,7 @@ from tgl_soar.config.files import (
     load_site,
     shipped,
 )
+from tgl_soar.config.line_changes import SIDES
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.config.site import (
     HillAir,
@@ -76,7 +77,6 @@ Seconds = Annotated[float, Meta(ge=0, le=3600)]
 Finite = Annotated[float, Meta(ge=-1e6, le=1e6)]
 
 CONTOUR_STEP_M = 0.02
-FENCE = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 
 
 class LineSpec(Strict, frozen=True):
@@ -368,12 +368,12 @@ def search_bounds(site: Site) -> Bounds:
         return (-4.0 * radius, 0.0, 0.05 * radius, 4.0 * radius)
     if isinstance(site.air, PolynomialAir):
         return (*site.air.x_m, *site.air.z_m)
-    if missing := [name for name in FENCE if name not in site.parameters]:
+    if missing := [name for name in SIDES if name not in site.parameters]:
         raise ConfigError(
             f"site {site.site.name}: name the bounds in which to look for the contour: a grid's are"
             f" those of the fence, and [parameters] lacks {', '.join(missing)}"
         )
-    x_min, x_max, z_min, z_max = (site.parameters[name] for name in FENCE)
+    x_min, x_max, z_min, z_max = (site.parameters[name] for name in SIDES)
     return x_min, x_max, z_min, z_max
 
 

@@ -8,13 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from tgl_soar.analysis.logs import dataflash, tlog
+from tgl_soar.analysis.logs import dataflash
 from tgl_soar.analysis.logs.dataflash import Dataflash, read_dataflash
 from tgl_soar.analysis.logs.flight_data import FlightData
 from tgl_soar.analysis.logs.module_log import read_module_log
 from tgl_soar.analysis.logs.parts import joined, later_parts
 from tgl_soar.analysis.logs.tlog import Tlog, read_tlog
 from tgl_soar.analysis.logs.ulog_reader import LogError, bytes_of, log_from, read_log
+from tgl_soar.link.frames import MARKER_V1, MARKER_V2
 
 from .px4 import read_px4
 
@@ -60,7 +61,7 @@ def _read(data: bytes, path: Path) -> FlightData:
         return replace(flight, lost=(*flight.lost, *lost))
     if data.startswith(dataflash.MAGIC):
         return read_dataflash(path.name, Dataflash(path, data))
-    if len(data) > 8 and data[8] in (tlog.V1, tlog.V2):
+    if len(data) > 8 and data[8] in (MARKER_V1, MARKER_V2):
         return read_tlog(path.name, Tlog(path, data))
     for what, magic in (("ULog", ULOG), ("DataFlash log", dataflash.MAGIC + b"\x80")):
         at = data.find(magic, 0, 65536)

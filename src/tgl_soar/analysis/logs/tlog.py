@@ -36,14 +36,13 @@ from tgl_soar.analysis.logs.flight_data import (
     with_missing,
 )
 from tgl_soar.analysis.logs.ulog_reader import LEAP_S, LogError
+from tgl_soar.link.frames import MARKER_V1, MARKER_V2, SIGNED
 
 Floats = NDArray[np.float64]
 
-V1, V2 = 0xFE, 0xFD
 _BEGIN: Final = re.compile(b"[\xfd\xfe]")  # of a frame
-_STAMP: Final = 8
+STAMP: Final = 8  # bytes of a time before each frame
 _DAY_US: Final = 86_400_000_000
-_SIGNED: Final = 1
 AUTOPILOT: Final = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 EARTH_RADIUS_M: Final = 6_371_000.0
 _REORDERED: Final = 200  # a step of the sequence by more is a frame that came late
@@ -185,24 +184,24 @@ def _split(data: bytes) -> tuple[_Frames, int]:
     )
     at = skipped = last_us = 0
     end = len(data)
-    while at + _STAMP + 8 <= end:
-        head = at + _STAMP
+    while at + STAMP + 8 <= end:
+        head = at + STAMP
         stamp = int.from_bytes(data[at:head], "big")
         length = _frame_length(data, head)
         after = head + length
-        whole = length and after <= end and (after == end or _begins(data, after + _STAMP))
+        whole = length and after <= end and (after == end or _begins(data, after + STAMP))
         if whole and last_us and abs(stamp - last_us) > 4000 * _DAY_US:
             whole = _is_right(data, head)  # a recorder's clock may be set in flight
         if not whole:
             begin = _BEGIN.search(data, head + 1)
-            following = end if begin is None else begin.start() - _STAMP
+            following = end if begin is None else begin.start() - STAMP
             skipped += following - at
             at = following
             continue
         last_us = stamp
         size = data[head + 1]
         number, body = _number_and_body(data, head)
-        place = head + (4 if data[head] == V2 else 2)
+        place = head + (4 if data[head] == MARKER_V2 else 2)
         sequence, system, component = data[place : place + 3]
         frames.stamp_us.append(stamp)
         frames.system.append(system)
@@ -218,7 +217,7 @@ def _split(data: bytes) -> tuple[_Frames, int]:
 
 def _number_and_body(data: bytes, head: int) -> tuple[int, int]:
     """Of the frame that begins at a place: its message's number, and where its payload begins."""
-    if data[head] == V2:
+    if data[head] == MARKER_V2:
         return int.from_bytes(data[head + 7 : head + 10], "little"), head + 10
     return data[head + 5], head + 6
 
@@ -240,14 +239,14 @@ def _checksum(number: int, covered: bytes) -> bytes:
 
 def _frame_length(data: bytes, head: int) -> int:
     """Of the frame at a place; 0: none begins there."""
-    if data[head] == V2:
-        return data[head + 1] + 12 + 13 * (data[head + 2] & _SIGNED)
-    return data[head + 1] + 8 if data[head] == V1 else 0
+    if data[head] == MARKER_V2:
+        return data[head + 1] + 12 + 13 * (data[head + 2] & SIGNED)
+    return data[head + 1] + 8 if data[head] == MARKER_V1 else 0
 
 
 def _begins(data: bytes, head: int) -> bool:
     """Whether a frame may begin at a place, or the file ends before it."""
-    return head >= len(data) or data[head] in (V1, V2)
+    return head >= len(data) or data[head] in (MARKER_V1, MARKER_V2)
 
 
 def _decoded(number: int, payloads: list[bytes]) -> dict[str, NDArray[Any]]:

@@ -24,6 +24,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.analysis.logs.tlog import STAMP
 from tgl_soar.analysis.logs.ulog_reader import Array, LogError
 from tgl_soar.analysis.replay.logged import NEVER_DEAD
 from tgl_soar.autopilot import AutopilotState, Output
@@ -39,7 +40,6 @@ from tgl_soar.onboard.telemetry_values import FAST, fast_value
 from tgl_soar.types import Inputs
 
 GAP_S: Final = 5.0  # a silence that is passed over
-_STAMP: Final = 8
 _SEARCHED: Final = 300  # a frame is no longer
 _SAME_PACE: Final = 0.1  # by how much the vehicle's clock may differ from the recorder's
 _LATE_S: Final = 0.1  # against the earliest, for so long as below: no link, a clock that stood
@@ -93,12 +93,12 @@ def read_wire(path: str | Path) -> tuple[list[TlogFrame], list[str]]:
     frames: list[TlogFrame] = []
     lost = at = right = 0
     while at < len(data):
-        length, checked = _length(data, at + _STAMP)
+        length, checked = _length(data, at + STAMP)
         right += checked
         if length:
-            end = at + _STAMP + length
+            end = at + STAMP + length
             frames.append(
-                TlogFrame(int.from_bytes(data[at : at + _STAMP], "big"), data[at + _STAMP : end])
+                TlogFrame(int.from_bytes(data[at : at + STAMP], "big"), data[at + STAMP : end])
             )
             at = end
         else:
@@ -127,7 +127,7 @@ def _length(data: bytes, at: int) -> tuple[int, bool]:
         return 0, False  # its checksum is wrong
     length = head[1] + (12 + 13 * (head[2] & 1) if is_v2 else 8)
     end = at + length
-    follows = end == len(data) or data[end + _STAMP : end + _STAMP + 1] in (b"\xfd", b"\xfe")
+    follows = end == len(data) or data[end + STAMP : end + STAMP + 1] in (b"\xfd", b"\xfe")
     return length if follows else 0, False
 
 

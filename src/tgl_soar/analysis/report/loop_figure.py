@@ -14,9 +14,9 @@ from tgl_soar.analysis.loop_response import (
     interpolated,
     open_loop_discs,
 )
+from tgl_soar.analysis.report.flight_report_figures import WIDTH_IN
 from tgl_soar.analysis.report.style import LEG_COLOURS
 
-_WIDTH_IN = 7.4
 _FARTHEST = 3.0  # of the Nyquist plane from its middle: what matters is about -1
 
 
@@ -46,7 +46,7 @@ def loop_figure(plt: Any, loops: Sequence[LoopResponse]) -> Any:
     """Gain and phase over frequency, and the Nyquist plane; None without a loop."""
     if not loops:
         return None
-    figure = plt.figure(figsize=(_WIDTH_IN, 3.8), layout="constrained")
+    figure = plt.figure(figsize=(WIDTH_IN, 3.8), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0))
     gain, phase = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     plane = figure.add_subplot(grid[:, 1])

@@ -35,6 +35,7 @@ from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.types import Ground
 
 Kind = Literal["tunnel", "hill"]
+KINDS: Final[tuple[Kind, ...]] = ("tunnel", "hill")
 TUNED_ON: Final = 10_000  # the first of the seeds that the search was built with
 PUBLISHED: Final = 1_001  # the first of those whose flights are published; those below were seen
 

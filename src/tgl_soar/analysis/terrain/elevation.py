@@ -29,13 +29,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgl_soar.air.field import FloatArray, broadcast
-from tgl_soar.link.tangent_plane import Home
+from tgl_soar.link.tangent_plane import ECCENTRICITY2, EQUATOR_M, Home
 
 FARTHEST_M: Final = 3000.0  # from the home, at which the plane above is good to 1 cm
 
 LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of any ground on the earth; what is beyond is a void
-_A_M: Final = 6_378_137.0
-_E2: Final = (2.0 - 1.0 / 298.257223563) / 298.257223563
 _SIDES: Final = (1201, 3601)
 _VOID: Final = -32768
 
@@ -123,8 +121,9 @@ class LocalTerrain(NamedTuple):
 
 def _radii(home: Home) -> tuple[float, float]:
     """Radii of curvature [m] along the meridian and across it, at the home's height."""
-    bracket = 1.0 - _E2 * sin(radians(home.latitude_deg)) ** 2
-    meridian_m, across_m = _A_M * (1.0 - _E2) / bracket**1.5, _A_M / sqrt(bracket)
+    bracket = 1.0 - ECCENTRICITY2 * sin(radians(home.latitude_deg)) ** 2
+    meridian_m = EQUATOR_M * (1.0 - ECCENTRICITY2) / bracket**1.5
+    across_m = EQUATOR_M / sqrt(bracket)
     return meridian_m + home.altitude_m, across_m + home.altitude_m
 
 
@@ -178,7 +177,7 @@ def _read_hgt(path: Path) -> Elevation:
     def to_grid(latitude: FloatArray, longitude: FloatArray) -> tuple[FloatArray, FloatArray]:
         return (south + 1 - latitude) * (side - 1), (longitude - west) * (side - 1)
 
-    spacing_m = radians(1.0 / (side - 1)) * _A_M
+    spacing_m = radians(1.0 / (side - 1)) * EQUATOR_M
     held = f"latitude {south} to {south + 1}, longitude {west} to {west + 1}"
     return Elevation(str(path), heights, to_grid, spacing_m, held)
 

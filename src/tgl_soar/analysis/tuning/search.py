@@ -20,10 +20,10 @@ import numpy as np
 
 from tgl_soar.analysis.tuning.demands import Given
 from tgl_soar.analysis.tuning.progress_file import ProgressFile
+from tgl_soar.control.loop_margin import FLOOR
 
 # Elevator activity of 1/3 of its travel, whose peaks (3 σ) reach the stops, costs as 1 cm of e_rho.
 PRICE_M: Final = 0.03
-FLOOR: Final = 0.5  # 4.4 dB and 28 degrees at once, as on board (`control/loop_margin.py`)
 RESERVE: Final = 0.05  # a handful of drawn aircraft does not hold the worst of many
 WEIGHT: Final = 20.0
 UNSTABLE: Final = 2.0  # of the logarithm: as 7 m of e_rho

@@ -37,7 +37,6 @@ from tgl_soar.analysis.tuning.demands import (
 )
 from tgl_soar.analysis.tuning.progress_file import ProgressFile
 from tgl_soar.analysis.tuning.search import (
-    FLOOR,
     Candidate,
     Search,
     Values,
@@ -50,6 +49,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import air_files
+from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.sim.campaign.encoding import digest as digest_of
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.manifest import Manifest, key_of, manifest_of, now

@@ -25,6 +25,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.config.line_changes import SIDES
 from tgl_soar.config.parameters import INDEX, PARAMETERS
 from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.estimation.lift_map.basis import Box
@@ -37,7 +38,6 @@ FEWEST: Final = 16  # along the other, of a fence that is long and low
 GAP_S: Final = 1.2  # two samples of 2 Hz, one of them lost
 # No glider is soared in a wind of half of this; what is faster is no measurement.
 FASTEST_MPS: Final = 100.0
-FENCE: Final = ("FENCE_X_MIN", "FENCE_X_MAX", "FENCE_Z_MIN", "FENCE_Z_MAX")
 NEAR: Final = 0.3  # of H, the height of the fence, from where the aircraft was
 KNOWN: Final = 0.5  # of the sink there: E's standard deviation at most
 
@@ -60,7 +60,7 @@ class AirSample(NamedTuple):
 def box_of(parameters: Mapping[str, float], view: list[float]) -> Box:
     """The fence, on each side where it is set; else the part of the plane that is drawn."""
     sides = []
-    for name, drawn in zip(FENCE, view, strict=True):
+    for name, drawn in zip(SIDES, view, strict=True):
         value = parameters[name]
         is_set = isfinite(value) and value != PARAMETERS[INDEX[name]].default
         sides.append(value if is_set else drawn)
@@ -93,7 +93,7 @@ class MeasuredAir:
 
     def bound(self, parameters: Mapping[str, float]) -> None:
         """The fence as the module echoes it; another one than before begins the map again."""
-        if not all(name in parameters for name in FENCE):
+        if not all(name in parameters for name in SIDES):
             return
         box = box_of(parameters, self._view)
         if box != self._box and box.x_min_m < box.x_max_m and box.z_min_m < box.z_max_m:

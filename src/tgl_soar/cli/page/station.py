@@ -16,9 +16,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import INDEX, PARAMETERS
 from tgl_soar.link.frames import HEADER_V1, HEADER_V2, MARKER_V1, MARKER_V2
+from tgl_soar.link.session import HEARTBEAT_S
 from tgl_soar.onboard.telemetry_values import ARRAY, ARRAY_NAME, FAST, SLOW
 
-HEARTBEAT_S: Final = 1.0
 ROW_S: Final = 0.2  # between two rows of the strips
 HISTORY_S: Final = 60.0
 SILENCE_S: Final = 2.0  # without a word of the module: the link counts as dead

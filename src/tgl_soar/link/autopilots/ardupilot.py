@@ -19,6 +19,7 @@ from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.autopilots.base import (
+    OVERRIDE_CHANNELS,
     CommandRoute,
     SensorMessages,
     SurfaceChannel,
@@ -58,7 +59,6 @@ MODE_MANUAL: Final = 0
 MODE_FBWA: Final = 5
 MODE_GUIDED: Final = 15
 MODE_AUTO: Final = 10
-CHANNELS: Final = 18
 RCIN: Final = 50  # and the channel: SERVOn_FUNCTION of an output that repeats a channel
 FUNCTIONS: Final = (19, 4, 21)  # SERVOn_FUNCTION of elevator, aileron, rudder
 THROTTLE: Final = 70  # SERVOn_FUNCTION of the motor
@@ -183,7 +183,7 @@ class ArduPilot:
         self._system_id = system_id
         self._untouched = [
             *(_LEAVE_FIRST,) * _FIRST_EIGHT,
-            *(_LEAVE_LATER,) * (CHANNELS - _FIRST_EIGHT),
+            *(_LEAVE_LATER,) * (OVERRIDE_CHANNELS - _FIRST_EIGHT),
         ]
         self._release = (self._released(),) if route.releases else ()
 

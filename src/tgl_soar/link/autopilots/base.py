@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, Final, NamedTuple, Protocol
 
 from tgl_soar.link.autopilots.mixing import mixed, unmixed
 from tgl_soar.link.autopilots.requirements import Answers, Needs, Requirement
@@ -26,6 +26,8 @@ from tgl_soar.link.messages import (
     ParamValue,
 )
 from tgl_soar.types import NAN, Setpoints, SurfaceCommand, isfinite
+
+OVERRIDE_CHANNELS: Final = 18  # of RC_CHANNELS_OVERRIDE
 
 
 class SurfaceChannel(NamedTuple):

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
 from tgl_soar.link.autopilots.base import (
+    OVERRIDE_CHANNELS,
     CommandRoute,
     SensorMessages,
     SurfaceChannels,
@@ -48,7 +49,6 @@ MIDDLE_US: Final = 1500
 FULL_ROLL_PITCH_US: Final = 1100  # the first that makes 127
 FULL_YAW_US: Final = 550
 THROTTLE_US: Final = 950  # no throttle
-_CHANNELS: Final = 18
 
 OVERRIDE: Final = CommandRoute(
     name="override",
@@ -106,7 +106,7 @@ class Paparazzi:
             THROTTLE_US,
             _pulse(surfaces.rudder, FULL_YAW_US),
         )
-        nothing = (0,) * (_CHANNELS - len(pulses))
+        nothing = (0,) * (OVERRIDE_CHANNELS - len(pulses))
         return (RcChannelsOverride(self._system_id, COMPONENT_AUTOPILOT, (*pulses, *nothing)),)
 
     def release(self) -> tuple[Outbound, ...]:

@@ -23,9 +23,7 @@ from __future__ import annotations
 from typing import Final
 
 from tgl_soar.link.clock import AHEAD_S, ClockMap
-
-NAN: Final = float("nan")
-INF: Final = float("inf")
+from tgl_soar.types import INFINITE, NAN
 
 DRIFT: Final = 1e-4  # s/s: more than two quartzes drift apart
 LATE_S: Final = 1.0  # a frame that was under way for longer is odd
@@ -51,7 +49,7 @@ class ServerClock:
     def __init__(self) -> None:
         self.restarts = 0
         self._upper = ClockMap()
-        self._low_s = -INF
+        self._low_s = -INFINITE
         self._updated_s = NAN
         self._odd = 0  # stamps that fit each other and nothing else
         self._odd_s = self._odd_from_s = NAN
@@ -59,13 +57,13 @@ class ServerClock:
     def reset(self) -> None:
         """Nothing is known."""
         self._upper.reset()
-        self._low_s = -INF
+        self._low_s = -INFINITE
         self._updated_s = NAN
         self._reset_odd()
 
     @property
     def _high_s(self) -> float:
-        return self._upper.offset_s if self.is_known else INF
+        return self._upper.offset_s if self.is_known else INFINITE
 
     @property
     def is_known(self) -> bool:
@@ -75,7 +73,7 @@ class ServerClock:
     @property
     def offset_s(self) -> float:
         """Ours less the server's; NaN: not known."""
-        if self._low_s > -INF:
+        if self._low_s > -INFINITE:
             return 0.5 * (self._low_s + self._high_s)
         return self._high_s if self.is_known else NAN
 
@@ -86,7 +84,7 @@ class ServerClock:
 
     def stamped(self, stamp_s: float, arrival_s: float) -> bool:
         """A frame was sent at `stamp_s` and has come; whether its stamp is accepted."""
-        return self._take(stamp_s, -INF, arrival_s)
+        return self._take(stamp_s, -INFINITE, arrival_s)
 
     def echoed(self, stamp_s: float, asked_s: float, arrival_s: float) -> bool:
         """The server had our question at `stamp_s`; whether that is accepted."""
@@ -115,7 +113,7 @@ class ServerClock:
             self._updated_s = now_s
 
     def _fits(self, low_s: float, high_s: float) -> bool:
-        oldest_s = self._low_s if self._low_s > -INF else self._high_s - AHEAD_S
+        oldest_s = self._low_s if self._low_s > -INFINITE else self._high_s - AHEAD_S
         return oldest_s - EARLY_S <= high_s <= self._high_s + LATE_S and (
             low_s <= self._high_s + EARLY_S
         )

@@ -14,6 +14,7 @@ from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.diagnostics import OptitrackLedger
 from tgl_soar.link.natnet.layout import ServerInfo
 from tgl_soar.link.natnet.settings import OptitrackSettings
+from tgl_soar.types import NEVER_S
 
 CONNECT_S: Final = 1.0
 MODELS_S: Final = 0.5
@@ -21,7 +22,6 @@ KEEP_ALIVE_S: Final = 1.0
 ECHO_S: Final = 1.0
 FIRST_ECHOES: Final = 10  # so many in quick succession, to know the clock before flight
 FIRST_ECHO_S: Final = 0.05
-NEVER: Final = float("-inf")
 
 Address = tuple[str, int]
 
@@ -55,8 +55,8 @@ class NatNetServer:
 
     def rebase(self) -> None:
         """The loop's clock is another one from here on."""
-        self._connect_due_s = self._models_due_s = NEVER
-        self._keep_alive_due_s = self._echo_due_s = NEVER
+        self._connect_due_s = self._models_due_s = NEVER_S
+        self._keep_alive_due_s = self._echo_due_s = NEVER_S
 
     @property
     def is_ready(self) -> bool:
@@ -136,7 +136,7 @@ class NatNetServer:
         if not isinstance(self._settings.body, int):
             self.body_id = None
             self.models = {}
-            self._models_due_s = NEVER
+            self._models_due_s = NEVER_S
 
     def refresh_models(self) -> None:
         """The body's id may have changed."""
@@ -145,7 +145,7 @@ class NatNetServer:
     def reconnect(self) -> None:
         """Ask at once who is there."""
         self.info = None
-        self._connect_due_s = NEVER
+        self._connect_due_s = NEVER_S
 
     def reset(self) -> None:
         """It has restarted, or is another one."""

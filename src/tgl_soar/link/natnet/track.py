@@ -13,9 +13,7 @@ from math import sqrt
 from typing import Final
 
 from tgl_soar.link.natnet.layout import RigidBody
-from tgl_soar.types import isfinite
-
-NAN: Final = float("nan")
+from tgl_soar.types import NAN, isfinite
 
 SETTLE_S: Final = 1.0
 RETURN_S: Final = 0.2  # of flight: so far from the last good place it may be back

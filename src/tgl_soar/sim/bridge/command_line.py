@@ -144,15 +144,16 @@ def _parser() -> argparse.ArgumentParser:
         help="where a ground station listens; repeat for more (default 127.0.0.1:14550)",
     )  # fmt: skip
     add(
-        "--companion", type=_address, default=("127.0.0.1", 14540), metavar="HOST:PORT",
+        "--companion", type=_address, default=PortOptions.companion, metavar="HOST:PORT",
         help="where the companion listens (default 127.0.0.1:14540)",
     )  # fmt: skip
     add(
-        "--gcs-local", type=_address, default=("127.0.0.1", 18570), metavar="HOST:PORT",
+        "--gcs-local", type=_address, default=PortOptions.ground_local, metavar="HOST:PORT",
         help="own port towards ground stations (default 127.0.0.1:18570; port 0: any)",
     )  # fmt: skip
     add(
-        "--companion-local", type=_address, default=("127.0.0.1", 14580), metavar="HOST:PORT",
+        "--companion-local", type=_address, metavar="HOST:PORT",
+        default=PortOptions.companion_local,
         help="own port towards the companion (default 127.0.0.1:14580; port 0: any)",
     )  # fmt: skip
     add("--seed", type=_whole(0, 2**63), default=1, help="of noise and turbulence (default 1)")

@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 
 from tgl_soar.config.site import HomePosition
 from tgl_soar.geometry import ned_from_soaring, ned_vector_from_soaring, rotated
-from tgl_soar.sim.sensor_messages import geodetic
+from tgl_soar.sim.sensor_messages import SEA_LEVEL_HPA, ZERO_CELSIUS_K, geodetic
 from tgl_soar.sim.sensors import (
     MEMS_IMU,
     PITOT,
@@ -42,11 +42,10 @@ SOMEWHERE: Final = HomePosition(latitude_deg=51.990, longitude_deg=4.375, altitu
 FIELD_EPOCH: Final = datetime(2025, 1, 1)  # of the coefficients
 FIELD_YEAR: Final = 2026.0  # a fixed one, so that flights repeat
 
-SEA_LEVEL_PA: Final = 101325.0
+SEA_LEVEL_PA: Final = 100.0 * SEA_LEVEL_HPA
 SEA_LEVEL_K: Final = 288.15
 LAPSE_KPM: Final = 0.0065
 GAS_JPKGK: Final = 287.05287
-ZERO_CELSIUS_K: Final = 273.15
 GAUSS_PER_NT: Final = 1e-5
 
 SLOW_HZ: Final = 50.0  # magnetometer, barometer and pitot tube

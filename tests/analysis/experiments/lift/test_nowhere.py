@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tgl_soar.analysis.experiments.lift import nowhere as e
-from tgl_soar.analysis.experiments.lift.forecast import SlideStart, stops
-from tgl_soar.analysis.search.places import LAUNCH_WIND_MPS, Kind, place
+from tgl_soar.analysis.experiments.lift.forecast import LEANS_DEG, REPORTED_S, SlideStart, stops
+from tgl_soar.analysis.search.places import KINDS, LAUNCH_WIND_MPS, Kind, place
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.forecast import SEARCH_FIRST
@@ -29,7 +29,7 @@ FLOWN = e.LineFlown(
 
 
 @pytest.mark.parametrize("settles", [False, True])
-@pytest.mark.parametrize("kind", e.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_drawn_line_has_a_place_or_has_none(kind: Kind, settles: bool) -> None:
     drawn = 0
     for seed in range(20_001, 20_005):
@@ -41,7 +41,7 @@ def test_a_drawn_line_has_a_place_or_has_none(kind: Kind, settles: bool) -> None
         start, given = found.site.start, found.site.parameters
         assert start is not None
         assert (given["TGL_X"], given["TGL_Z"]) == (start.x_m, start.z_m)
-        assert given["TGL_LEAN"] in e.LEANS_DEG
+        assert given["TGL_LEAN"] in LEANS_DEG
         assert clearance(there.ground, start.x_m, start.z_m) > given["CLEAR_MIN"]
         wind = there.field.wind_at(start.x_m, 0.0, start.z_m, 0.0)[0]
         assert LAUNCH_WIND_MPS[0] <= wind <= LAUNCH_WIND_MPS[1]
@@ -63,7 +63,7 @@ def test_a_drawn_line_has_a_place_or_has_none(kind: Kind, settles: bool) -> None
 
 
 def test_late_is_who_is_in_the_floor_while_the_module_reports_soaring() -> None:
-    over = e.KNOWN_S + e.REPORTED_S
+    over = e.KNOWN_S + REPORTED_S
     assert not FLOWN.is_late
     sunk = FLOWN._replace(floor_s=over + 0.1, floor_reported=True)
     assert sunk.is_late

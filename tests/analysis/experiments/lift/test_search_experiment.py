@@ -9,7 +9,7 @@ import pytest
 
 from tgl_soar.analysis.experiments.lift import search as e
 from tgl_soar.analysis.experiments.result import Claim
-from tgl_soar.analysis.search.places import DURATION_S
+from tgl_soar.analysis.search.places import DURATION_S, KINDS
 from tgl_soar.analysis.search.scoring import Score
 
 FOUND = Score(
@@ -78,7 +78,7 @@ def test_who_finds_none_is_without_a_place_to_the_end() -> None:
 def test_each_place_is_walked_once_more_for_longer() -> None:
     jobs = [job for block in e.jobs_of(2) for job in block]
     assert sum(job.searcher == e.PATIENT for job in jobs) == 4
-    assert min(e.GIVEN_S[kind] / DURATION_S[kind] for kind in e.KINDS) >= 2.0
+    assert min(e.GIVEN_S[kind] / DURATION_S[kind] for kind in KINDS) >= 2.0
 
 
 def test_places_that_do_not_soar_and_are_flown_over_to_the_end_are_told_apart() -> None:

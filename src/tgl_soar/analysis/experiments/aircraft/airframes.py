@@ -57,6 +57,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import HillAir, Site, Start
+from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.sim.glide_test import fly, wind_of
@@ -67,7 +68,6 @@ COUNT: Final = 20
 SEED: Final = 2026
 TURBULENCE: Final = 0.01
 RMS_M: Final = 0.02
-FLOOR: Final = 0.5
 DURATION_S: Final = 60.0
 LEAN_DEG: Final = 15.0
 WINDS: Final = (0.76, 0.80, 0.84, 0.88)

@@ -20,10 +20,10 @@ import numpy as np
 from msgspec.structs import asdict, replace
 
 from tgl_soar.config.airframe import Airframe, AirframeMetadata, Polar
+from tgl_soar.config.dynamics import DENSITY_KGPM3
 from tgl_soar.sim.aircraft import aircraft_model, glide_polar_fit
 from tgl_soar.types import GRAVITY_MPS2
 
-DENSITY_KGPM3: Final = 1.225
 STALL_RESERVE_RAD: Final = 0.06  # of the best glide: 3.4 degrees, room to soar slower than that
 FASTEST: Final = 1.3  # of the best glide: the polar's end
 

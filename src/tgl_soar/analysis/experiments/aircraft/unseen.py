@@ -23,6 +23,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
+from tgl_soar.analysis.experiments.flights import LINE_GAINS
 from tgl_soar.analysis.experiments.random_aircraft import flown_world
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import Scenario, prepare
@@ -34,7 +35,6 @@ PILOTS: Final = (WITH, WITHOUT, PLAIN)
 E_RHO_OF_PLAIN: Final = 0.5  # with accelerometers: what late fixes cost a velocity
 ABC: Final = ("a", "b", "c")
 LINK_S: Final = 0.005  # the 7.5 ms of `CMD_DELAY`, in whole ticks
-OUTER: Final = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
 PLAIN_GAINS: Final = {
     "RHO_SPEED": 0.0,
     "RHO_P": 0.71,
@@ -142,7 +142,7 @@ def pilots_values(values: ParameterSet, pilot: str, outer: float) -> ParameterSe
     if pilot == PLAIN:
         changed |= {**PLAIN_GAINS, **NOTHING_ENDS}
     values = values.changed(changed)
-    return values.changed({name: values[name] * outer for name in OUTER})
+    return values.changed({name: values[name] * outer for name in LINE_GAINS})
 
 
 def scenario_of(job: UnseenJob) -> Scenario:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.analysis.campaigns.drawn_faults import wilson
-from tgl_soar.analysis.experiments.flights import Flyer, Timed
+from tgl_soar.analysis.experiments.flights import LINE_GAINS, Flyer, Timed
 from tgl_soar.analysis.experiments.random_aircraft import mismatched
 from tgl_soar.analysis.linear_plant import Gusts
 from tgl_soar.analysis.margins import CaseMargins, MarginCase, case_margins
@@ -366,11 +366,10 @@ def _prepared(flight: EstimatorFlight) -> Prepared:
 def _values(flight: EstimatorFlight) -> ParameterSet:
     """The shipped parameters on the flight's line: nobody told it what noise the fixes have."""
     site, values, _ = _place()
-    loop = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
     return values.changed(
         {
             **line_parameters(site.lines[flight.line]),
-            **{name: flight.scale * values[name] for name in loop},
+            **{name: flight.scale * values[name] for name in LINE_GAINS},
             **dict(flight.changes),
         }
     )

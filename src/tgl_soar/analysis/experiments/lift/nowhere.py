@@ -24,10 +24,16 @@ import msgspec
 import numpy as np
 
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.lift.forecast import SlidePlace, SlideStart, stops
+from tgl_soar.analysis.experiments.lift.forecast import (
+    LEANS_DEG,
+    REPORTED_S,
+    SlidePlace,
+    SlideStart,
+    stops,
+)
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.episode import Episode, EpisodeFlight, obeyed
-from tgl_soar.analysis.search.places import LAUNCH_WIND_MPS, Kind, SearchPlace, place
+from tgl_soar.analysis.search.places import KINDS, LAUNCH_WIND_MPS, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.analysis.search.searchers import MapSearch
 from tgl_soar.config.airframe import Airframe
@@ -45,13 +51,10 @@ from tgl_soar.types import GlidePolar
 FLIGHTS: Final = 500  # on a line without a place, of each kind of place and with each FC_ACT
 QUICK: Final = 4
 FIRST_SEED: Final = 3001
-KINDS: Final[tuple[Kind, ...]] = ("tunnel", "hill")
 ACTS: Final = (DISENGAGE, SEARCH_FIRST)
 DURATION_S: Final[dict[Kind, float]] = {"tunnel": 8.0, "hill": 30.0}
 STEP_M: Final[dict[Kind, float]] = {"tunnel": 0.01, "hill": 0.05}  # of E along a line
-REPORTED_S: Final = 1.5  # after it could be known
 KNOWN_S: Final = HELD_S + WINDOW_S  # since the aircraft was released
-LEANS_DEG: Final = (10.0, 15.0, 20.0, 25.0)
 AWAY_M: Final = 0.7  # from the place to settle, at most, along the line
 ROOM: Final = 0.5  # of CLEAR_MIN, that such a start and place have beyond the clearance
 DRAWS: Final = 400  # of starts at a place before another is taken

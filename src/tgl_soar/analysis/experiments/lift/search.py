@@ -32,7 +32,7 @@ from typing import Final, NamedTuple
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.episode import Episode, Searcher, fly_episode
-from tgl_soar.analysis.search.places import DURATION_S, PUBLISHED, Kind, SearchPlace, place
+from tgl_soar.analysis.search.places import DURATION_S, KINDS, PUBLISHED, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import Score, fraction_text, score
 from tgl_soar.analysis.search.searchers import SEARCHERS, MapSearch, searcher
 from tgl_soar.config.airframe import Airframe
@@ -44,7 +44,6 @@ EPISODES: Final = 300  # of each kind
 OTHERS: Final = 50  # of each kind flown by the baselines that nothing is claimed of
 QUICK: Final = 2
 BLOCK: Final = 50  # places in a list that is flown: what is done stays done where fewer are asked
-KINDS: Final[tuple[Kind, ...]] = ("tunnel", "hill")
 MAP: Final = "map and rollouts"
 ORACLE: Final = "oracle"
 START: Final = "line through the start"

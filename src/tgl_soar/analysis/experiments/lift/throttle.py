@@ -18,7 +18,7 @@ import numpy as np
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.episode import SEARCHING, EpisodeFlight, Searcher, flown_by
-from tgl_soar.analysis.search.places import PUBLISHED, Kind, SearchPlace, place
+from tgl_soar.analysis.search.places import KINDS, PUBLISHED, Kind, SearchPlace, place
 from tgl_soar.analysis.search.scoring import END_FRACTION, fraction_text, score
 from tgl_soar.analysis.search.searchers import MapSearch, searcher
 from tgl_soar.config.airframe import Airframe
@@ -29,7 +29,6 @@ from tgl_soar.sim.flight import Row
 EPISODES: Final = 300  # of each kind
 QUICK: Final = 2
 BUDGET_S: Final = 25.0
-KINDS: Final[tuple[Kind, ...]] = ("tunnel", "hill")
 AIM: Final[dict[Kind, float]] = {"tunnel": 0.98, "hill": 0.99}
 ORACLE: Final = "oracle"
 WITHOUT: Final = "map and rollouts"

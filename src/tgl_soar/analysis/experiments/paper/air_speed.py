@@ -10,7 +10,13 @@ import msgspec
 import numpy as np
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
-from tgl_soar.analysis.experiments.flights import FlownScenario, legs_named, rms, rms_error
+from tgl_soar.analysis.experiments.flights import (
+    LINE_GAINS,
+    FlownScenario,
+    legs_named,
+    rms,
+    rms_error,
+)
 from tgl_soar.analysis.experiments.result import (
     RESOLVED,
     ChangedThreshold,
@@ -28,7 +34,6 @@ from tgl_soar.analysis.experiments.scenario import (
 )
 from tgl_soar.estimation.polar import best_glide_speed
 
-OUTER: Final = ("RHO_P", "RHO_I", "RHO_D", "RHO_P_IMU", "RHO_I_IMU", "RHO_D_IMU")
 FACTORS: Final = (1.0, 2.0, 3.0, 4.0)  # of the outer gains, in calm air
 CALM_S: Final = 20.0
 RINGS_M: Final = 0.01  # oscillation in calm air, where noise alone makes a quarter of it
@@ -184,7 +189,7 @@ def _variants(
             with_turbulence(here, 0.0), duration_s=CALM_S, seeds=scenario.seeds
         )
         for factor in factors:
-            raised = {name: base.values[name] * factor for name in OUTER}
+            raised = {name: base.values[name] * factor for name in LINE_GAINS}
             variants[line, "without", factor] = _with(calm, raised)
     return variants
 

@@ -19,6 +19,7 @@ from tgl_soar.analysis.experiments.flights import (
     rms,
     rms_error,
 )
+from tgl_soar.analysis.experiments.paper.still_lines import FOLLOWS
 from tgl_soar.analysis.experiments.result import (
     RESOLVED,
     ChangedThreshold,
@@ -40,7 +41,6 @@ from tgl_soar.analysis.experiments.spread_along_line import dryden_dispersion
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.types import polar_slope
 
-FOLLOWS: Final = 1.15  # as `still_lines` has it
 LEANS_DEG: Final = (-20, -10, -5, 0, 5, 10, 15, 20, 30, 40, 50, 60)
 LINE: Final = "b"
 # rms e_rho beyond this is no flight on a line any more: a fifth of the chord, by which the aircraft

@@ -15,6 +15,7 @@ from tgl_soar.analysis.experiments.result import Claim, Table
 from tgl_soar.analysis.experiments.scenario import PreparedScenario
 from tgl_soar.analysis.linear_plant import Condition, field_gradient
 from tgl_soar.control.laws import laws_from
+from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.sim.aircraft import AircraftModel
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.servos import servo_params
@@ -24,7 +25,6 @@ SPEEDS_MPS: Final = (8.7, 10.0, 12.0)
 LEANS_DEG: Final = (10.0, 15.0, 25.0)
 LINK_S: Final = 0.0075  # from a tick to the servo, as the shipped gains have it
 LATER_S: Final = 0.017  # overrides through an autopilot at 50 Hz, beside that
-LEAST: Final = 0.5
 
 
 class PointMargin(NamedTuple):
@@ -91,8 +91,8 @@ def margins_claim(margins: Sequence[PointMargin]) -> Claim:
     elevator = min(m.margin.elevator_alpha for m in margins)
     alone = min(m.margin.line_alpha for m in margins)
     return Claim(
-        f"both loops have a disk margin of at least {LEAST:g}",
-        min(brake, elevator) >= LEAST,
+        f"both loops have a disk margin of at least {FLOOR:g}",
+        min(brake, elevator) >= FLOOR,
         f"the brake's {brake:.2f}, the elevator's {elevator:.2f} ({alone:.2f} without the brake)",
     )
 
