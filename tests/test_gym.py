@@ -72,10 +72,27 @@ def test_several_fly_side_by_side() -> None:
     assert reward.shape == (2,)
 
 
-def test_a_line_that_is_never_moved_is_a_flight_by_the_module_alone() -> None:
-    """The same world, the same tick."""
-    env = plain("line", seconds=2.0, period_s=0.5)
-    env.reset(seed=1, options={"flight": 7, "goal": (0.5, 1.5)})  # which a parameter can hold
+def with_power(place: Any) -> Any:
+    """A place where a propeller may turn for a second, if there is one."""
+    return place._replace(values=place.values.changed({"THR_BUDGET": 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("airframe", "goal", "seconds", "opened"),
+    [("eclipson_c", (0.5, 1.5), 2.0, 0.0), ("eclipson_c_propeller", (-0.25, 1.25), 5.0, 0.1)],
+)
+def test_a_line_that_is_never_moved_is_a_flight_by_the_module_alone(
+    monkeypatch: pytest.MonkeyPatch,
+    airframe: str,
+    goal: tuple[float, float],
+    seconds: float,
+    opened: float,
+) -> None:
+    """The same world, the same tick; also where no lift holds the aircraft, but a propeller."""
+    made = gym._place
+    monkeypatch.setattr(gym, "_place", lambda *files: with_power(made(*files)))
+    env = plain("line", airframe=airframe, seconds=seconds, period_s=0.5)
+    env.reset(seed=1, options={"flight": 7, "goal": goal})  # which a parameter can hold
     over = False
     while not over:
         *_, ended, over, _ = env.step(np.zeros(2, dtype=np.float32))
@@ -89,11 +106,14 @@ def test_a_line_that_is_never_moved_is_a_flight_by_the_module_alone() -> None:
         field=place.field,
         sensors=SENSORS[EVERY_SENSOR],
     )
-    flown = fly(world, place.values.changed({"TGL_X": 0.5, "TGL_Z": 1.5}), (), 2.0)
+    line = dict(zip(("TGL_X", "TGL_Z"), goal, strict=True))
+    flown = fly(world, place.values.changed(line), (), seconds)
+    assert flown["throttle"].max() >= opened
     names = list(Row._fields)
     for name in ("x_m", "z_m", "e_rho_m", "elevator", "updraft_mps"):
         # The white numbers of a prepared flight agree to the last bits of sines and logarithms.
-        assert env._rows[:400, names.index(name)] == pytest.approx(flown[name], abs=1e-9)
+        column = env._rows[: flown.ticks, names.index(name)]
+        assert column == pytest.approx(flown[name], abs=1e-9), name
 
 
 def test_the_place_is_on_the_contour_and_drawn_anew() -> None:

@@ -77,7 +77,7 @@ class ClosedLoop:
         )
 
     def tick(self) -> Output:
-        """One tick of the module and one step of the world."""
+        """One tick of the module and one step of the world, in the order of `flight.acted_on`."""
         world = self.world
         now = world.time_s
         samples = Samples(

@@ -23,11 +23,10 @@ from tgl_soar.control.envelope import limit_surfaces, pitch_within
 from tgl_soar.control.estimates import EstimatorMemory
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.point_hold import BrakeEffect
-from tgl_soar.control.supervisor import FAILED, RELEASED
 from tgl_soar.control.surface_loops import LoopsState, surface_gains, surfaces_step
 from tgl_soar.control.target_line import TargetLine
-from tgl_soar.sim.flight import CRASHED, FLIES, HANDED_OVER, Flight, inputs_at, row_of
-from tgl_soar.sim.world_step import Cell, Parts, world_step
+from tgl_soar.sim.flight import FLIES, Flight, acted_on, inputs_at, row_of
+from tgl_soar.sim.world_step import Cell, Parts
 from tgl_soar.types import NO_SETPOINTS, Inputs, Setpoints, SurfaceCommand
 
 LINE: Final = 0
@@ -202,17 +201,10 @@ def fly_given(
             )
             autopilot = autopilot._replace(loops=loops)
             output = output._replace(command=loops.limited.command, setpoints=setpoints)
-        if output.active:
-            command = output.command
-            held = False
         rows[n] = row_of(now, world.aircraft, world.wind, output, 0)
         known[0] = known_at(output)
         n += 1
-        world = world_step(parts, world, n, command, held)
-        if world.crashed:
-            standing = CRASHED
-        elif output.mode in (RELEASED, FAILED):
-            standing = HANDED_OVER
+        world, command, held, standing = acted_on(parts, world, n, command, held, output)
     return Flight(
         steps=n,
         standing=standing,

@@ -170,6 +170,34 @@ def row_of(
     )
 
 
+def acted_on(
+    parts: Parts,
+    world: WorldNow,
+    n: int,
+    command: SurfaceCommand,
+    held: bool,
+    output: Output,
+) -> tuple[WorldNow, SurfaceCommand, bool, int]:
+    """What follows a tick: the world at step n, the command and whether something holds the
+    aircraft still, both as they were before, and how the flight stands then.
+
+    Every compiled flight goes on so.  `closed_loop.ClosedLoop.tick` has this order once more, as
+    faults in plain Python come between the command and the world there; tests/sim/test_compiled.py
+    holds the two to each other.
+    """
+    if output.active:
+        command = output.command
+        held = False
+    world = world._replace(throttle=output.throttle.fraction)
+    world = world_step(parts, world, n, command, held)
+    standing = FLIES
+    if world.crashed:
+        standing = CRASHED
+    elif output.mode in (RELEASED, FAILED):
+        standing = HANDED_OVER
+    return world, command, held, standing
+
+
 def fly_to_look(
     parts: Parts,
     laws: Laws,
@@ -190,17 +218,9 @@ def fly_to_look(
         if n >= until_step or standing != FLIES:
             break
         autopilot, reason = ticked, output.reason
-        if output.active:
-            command = output.command
-            held = False
         rows[n] = row_of(now, world.aircraft, world.wind, output, target_changes)
         n += 1
-        world = world._replace(throttle=output.throttle.fraction)
-        world = world_step(parts, world, n, command, held)
-        if world.crashed:
-            standing = CRASHED
-        elif output.mode in (RELEASED, FAILED):
-            standing = HANDED_OVER
+        world, command, held, standing = acted_on(parts, world, n, command, held, output)
     return Flight(
         steps=n,
         standing=standing,
