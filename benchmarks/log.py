@@ -24,7 +24,7 @@ from tgl_soar.config.files import load_airframe, load_parameters, load_site, shi
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import BATCH_TICKS, FlightRecorder
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.sensor_messages import scaled_imu
 from tgl_soar.sim.sensors import MEMS_IMU, PITOT, Sensors
@@ -108,7 +108,9 @@ def _fly(folder: Path) -> tuple[float, float]:
     world.held = True
 
     def module(keeper: Recorder) -> Onboard:
-        return Onboard(setup, lambda _frame: True, 0.0, lockstep=True, recorder=keeper)
+        return Onboard(
+            setup, lambda _frame: True, 0.0, ModuleOptions(lockstep=True, recorder=keeper)
+        )
 
     modules = (module(NO_RECORDER), module(recorder))
     times: tuple[list[float], list[float]] = ([], [])

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER, Recorder
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 
 from .hanging import REPORTED
@@ -30,7 +30,10 @@ class ModuleFlight:
         self.frames: list[bytes] = []
         self.now_s = 100.0
         self.onboard = Onboard(
-            setup_from(airframe, site, values), self._take, self.now_s, recorder=recorder
+            setup_from(airframe, site, values),
+            self._take,
+            self.now_s,
+            ModuleOptions(recorder=recorder),
         )
         self._vehicle = mavlink.MAVLink(None, 1, 1)
         self._station = mavlink.MAVLink(None, 255, 190)

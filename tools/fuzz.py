@@ -71,7 +71,7 @@ with _watched():
     from tgl_soar.geometry import HallFrame, SoaringFrame
     from tgl_soar.link.natnet.settings import OptitrackSettings
     from tgl_soar.link.optitrack import Optitrack
-    from tgl_soar.onboard.module import Onboard
+    from tgl_soar.onboard.module import ModuleOptions, Onboard
     from tgl_soar.onboard.setup import setup_from
     from tgl_soar.sim.channels import deflection_from_pwm
     from tgl_soar.sim.hostile import RECEIVED_NAMES, HostileFrames, hostile_message
@@ -118,7 +118,9 @@ class Flight:
         self._reader = mavlink.MAVLink(None)
         self._inputs: list[bytes] = []  # since the last tick
         self._known = 0, 0  # position, attitude that the module has heard
-        self.onboard = Onboard(setup_from(airframe, site, values), self._sent, 0.0, lockstep=True)
+        self.onboard = Onboard(
+            setup_from(airframe, site, values), self._sent, 0.0, ModuleOptions(lockstep=True)
+        )
         while self._world.time_s < ENGAGED_S:
             self._step()
         engage = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)

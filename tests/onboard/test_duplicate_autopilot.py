@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim import simulation
 from tgl_soar.sim.faults import parse_fault
@@ -60,7 +60,10 @@ class ClosedLoop:
         self.texts: list[str] = []
         values = load_parameters(airframe, AIRFRAME, site, SITE)
         self.onboard = Onboard(
-            setup_from(airframe, site, values), self._send, BOOTED_S, console=self.texts.append
+            setup_from(airframe, site, values),
+            self._send,
+            BOOTED_S,
+            ModuleOptions(console=self.texts.append),
         )
 
     def _send(self, frame: bytes) -> bool:

@@ -10,7 +10,7 @@ from test_module import Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, READY, is_flying
 from tgl_soar.link.presence import ALONE_S
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 
 ENGAGE, REJECTED, FAILED = 31010, 1, 4
 
@@ -42,7 +42,7 @@ class Network(Flight):
             self._queue.append((number, frame))
             return True
 
-        return Onboard(setup(), send, self.now_s, start=start)
+        return Onboard(setup(), send, self.now_s, ModuleOptions(start=start))
 
     def hear(self, message: Any, *, station: bool = False) -> None:
         sender = self._station if station else self._vehicle

@@ -26,7 +26,7 @@ from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
 from tgl_soar.link.clock import ROW
 from tgl_soar.link.messages import Source
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.operators import ABSENT_S
 from tgl_soar.onboard.search_switch import SearchEngine
 from tgl_soar.onboard.setup import ModuleSetup
@@ -72,10 +72,12 @@ class Flight:
             flown or setup(),
             self._send,
             now_s,
-            lockstep=lockstep,
-            console=self.console.append,
-            before_first=before_first,
-            search=search,
+            ModuleOptions(
+                lockstep=lockstep,
+                console=self.console.append,
+                before_first=before_first,
+                search=search,
+            ),
         )
         self.attitude_hz, self.position_hz, self.heartbeat_hz = 200.0, 50.0, 1.0
         self.status = mavlink.MAV_STATE_ACTIVE

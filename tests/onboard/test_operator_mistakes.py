@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard import engage_switch
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import needs_of, setup_from
 from tgl_soar.sim.simulation import Options, Simulation
 
@@ -35,8 +35,7 @@ class Flight:
             setup_from(airframe, site, values),
             self._send,
             0.0,
-            lockstep=True,
-            console=self._reported,
+            ModuleOptions(lockstep=True, console=self._reported),
         )
         self.words: list[str] = []  # on the console
         self.texts: list[str] = []  # STATUSTEXT

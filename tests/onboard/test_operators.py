@@ -15,7 +15,7 @@ from tgl_soar.link.signing import EPOCH_S, Signing
 from tgl_soar.onboard import operators, realtime
 from tgl_soar.onboard import process as module
 from tgl_soar.onboard.command_line import RunOptions
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.telemetry_values import ARRAY
 
 ENGAGE, RELEASE, ABORT = 31010, 31011, 31012
@@ -656,10 +656,12 @@ def signed_flight(
         setup(),
         flight._send,
         flight.now_s,
-        console=flight.console.append,
-        signing=signing,
-        unsigned_autopilot=unsigned_autopilot,
-        keep_key=keep,
+        ModuleOptions(
+            console=flight.console.append,
+            signing=signing,
+            unsigned_autopilot=unsigned_autopilot,
+            keep_key=keep,
+        ),
     )
     return flight
 
@@ -710,7 +712,7 @@ def test_a_key_over_the_air_is_refused(flight: Flight) -> None:
 
 def test_a_damaged_timestamp_is_reported(flight: Flight) -> None:
     damaged = Signing(None, EPOCH_S, 0.0, kept=2**48 - 1)
-    flight.onboard = Onboard(setup(), flight._send, flight.now_s, signing=damaged)
+    flight.onboard = Onboard(setup(), flight._send, flight.now_s, ModuleOptions(signing=damaged))
     flight.run(1.5)
     assert "timestamp that was kept is damaged" in "".join(texts(flight.said()))
 

@@ -22,7 +22,7 @@ from test_module import STEP_S, Flight, setup, texts
 from tgl_soar.control.supervisor import CAPTURING, SOARING
 from tgl_soar.link.transport import open_link
 from tgl_soar.link.transports.serial_line import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.surface_control import LONGEST_FRAME, RELEASE_FRAMES
 
 pytestmark = pytest.mark.interpreted  # the driver's counts are put in its place
@@ -104,9 +104,11 @@ class SlowFlight(Flight):
             setup(),
             link.send,
             self.now_s,
-            stream=True,
-            send_command=link.send_command,
-            clear_for_release=link.clear_for_release,
+            ModuleOptions(
+                stream=True,
+                send_command=link.send_command,
+                clear_for_release=link.clear_for_release,
+            ),
         )
 
     def run(self, seconds: float) -> None:

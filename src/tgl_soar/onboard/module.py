@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 from tgl_soar import __version__, autopilot
 from tgl_soar.config.parameter_store import ParameterStore
@@ -87,6 +87,37 @@ _STREAMED: Final = frozenset(
 _FROM_ANYWHERE: Final = Timesync | Heartbeat | VisionPositionEstimate
 
 
+def _nothing() -> None:
+    """What is called before the first command, where nothing is to be done."""
+
+
+class ModuleOptions(NamedTuple):
+    """What the module has around it, beside its set-up."""
+
+    # The link to the autopilot; the functions as `Route` takes them.
+    stream: bool = False  # it may cut frames anywhere
+    send_command: Callable[[bytes], bool] | None = None
+    clear_for_release: Callable[[], bool] | None = None
+    before_first: Callable[[], None] = _nothing  # called before a frame first takes the surfaces
+    # Time, and who else is there.
+    lockstep: bool = False
+    start: int = 1  # tells it from another one that was given the same identity by mistake
+    # Keys: without `signing` nothing is signed.
+    signing: Signing | None = None
+    unsigned_autopilot: bool = False  # the autopilot itself need not sign on its own link
+    # Keeps a key that came over the air, or raises OSError; without it none is accepted.
+    keep_key: Callable[[bytes], None] | None = None
+    # What is reported, kept and looked for.
+    console: Callable[[str], None] | None = None  # where words go locally
+    first_words: Sequence[tuple[int, str]] = ()  # once the autopilot is received
+    store: ParameterStore | None = None  # keeps changed parameters
+    recorder: Recorder = NO_RECORDER  # is given all that a log holds
+    search: SearchEngine | None = None  # looks for lift
+
+
+ALONE: Final = ModuleOptions()
+
+
 class Onboard:
     """The module without its sockets."""
 
@@ -97,74 +128,72 @@ class Onboard:
         setup: ModuleSetup,
         send: Callable[[bytes], bool],
         now_s: float,
-        *,
-        stream: bool = False,
-        lockstep: bool = False,
-        console: Callable[[str], None] | None = None,
-        store: ParameterStore | None = None,
-        first_words: Sequence[tuple[int, str]] = (),
-        signing: Signing | None = None,
-        unsigned_autopilot: bool = False,
-        keep_key: Callable[[bytes], None] | None = None,
-        recorder: Recorder = NO_RECORDER,
-        start: int = 1,
-        send_command: Callable[[bytes], bool] | None = None,
-        clear_for_release: Callable[[], bool] | None = None,
-        before_first: Callable[[], None] = lambda: None,
-        search: SearchEngine | None = None,
+        options: ModuleOptions = ALONE,
     ) -> None:
-        """`stream`: the link may cut frames anywhere.  `console`: where words go locally.
-        `store`: keeps changed parameters.  `first_words`: reported once the autopilot is heard.
-        `signing`: without one nothing is signed.  `unsigned_autopilot`: the autopilot itself
-        need not sign on its own link.  `keep_key`: keeps a key that came over the air, or raises
-        OSError; without it none is accepted.  `recorder`: is given all that a log holds.  `start`:
-        tells this module from another one that was given the same identity by mistake.
-        `send_command`, `clear_for_release`: as `Route` takes them, for the first link.  `search`:
-        looks for lift.  `before_first`: is called before the first frame that takes the surfaces.
-        """
-        self.counters = Counters()
-        self.output: autopilot.Output | None = None  # of the last tick
-        self.session = session_of(setup, lockstep=lockstep, start=start)
-        self.signing = signing or Signing(None, 0.0, 0.0)
+        """`send`: over the link to the autopilot."""
+        lockstep, recorder = options.lockstep, options.recorder
+        self.setup, self._recorder, self.counters = setup, recorder, Counters()
+        # What a tick goes on from, and the last one.
+        self._state = autopilot.initial_state()
+        self._inputs: Inputs | None = None
+        self.output: autopilot.Output | None = None
+        self._slow_s = now_s
+        # The autopilot, and time.
+        self.session = session_of(setup, lockstep=lockstep, start=options.start)
+        self.signing = options.signing or Signing(None, 0.0, 0.0)
         self.clocking = Clocking(setup.parameters["LOOP_RATE"], now_s, lockstep=lockstep)
         self.pacer, self.load_shedding = self.clocking.pacer, self.clocking.load_shedding
-        self.setup, self._recorder = setup, recorder
-        self._state = autopilot.initial_state()
-        self._inputs: Inputs | None = None  # of the last tick
-        self._slow_s = now_s
+        # What is sent, and over which links.
         panel = Panel(setup.frame, self._entry_lacks)
         self._telemetry = Telemetry(panel.flows())
-        session, counters = self.session, self.counters
-        self.outbox = outbox = Outbox(counters, recorder, self._telemetry, console)
+        self.outbox = outbox = Outbox(self.counters, recorder, self._telemetry, options.console)
+        unsigned = options.unsigned_autopilot
         self.links = ModuleLinks(
-            setup, session, self.signing, outbox, recorder, unsigned_autopilot=unsigned_autopilot
+            setup, self.session, self.signing, outbox, recorder, unsigned_autopilot=unsigned
         )
         first = self.links.add(
-            send, stream=stream, send_command=send_command, clear_for_release=clear_for_release
+            send,
+            stream=options.stream,
+            send_command=options.send_command,
+            clear_for_release=options.clear_for_release,
         )
         self.decoder = first.decoder  # of the link to the autopilot
-        self.decoder.watch(session.autopilot)
-        engagement = Engagement()
+        self.decoder.watch(self.session.autopilot)
+        self._serve(panel, options, now_s)
+
+    def _serve(self, panel: Panel, options: ModuleOptions, now_s: float) -> None:
+        """What is flown with, what moves the surfaces, and who may ask for what."""
+        setup, session, outbox = self.setup, self.session, self.outbox
+        recorder, counters, engagement = options.recorder, self.counters, Engagement()
         self.settings = settings = FlightSettings(
             setup, session, self.pacer, engagement, outbox, recorder, counters
         )
         self.parameters = settings.server
         recorder.reset(self._state)
-        self._surfaces = surfaces = SurfaceControl(setup.flavour, outbox, counters, before_first)
+        self._surfaces = surfaces = SurfaceControl(
+            setup.flavour, outbox, counters, options.before_first
+        )
         self.warm_ups = WarmUps(setup.flavour, setup.override)
         self.positions = OutsidePositions(setup, session, self.clocking, outbox)
         commands = CommandServer(setup.own, self._telemetry, _version())
-        self.engage_switch = switch = EngageSwitch(
+        self.engage_switch = EngageSwitch(
             setup.own, settings, session, engagement, commands, surfaces, outbox, now_s
         )
-        self._switches = switches = Switches(setup, settings, session, outbox, search)
+        self._switches = Switches(setup, settings, session, outbox, options.search)
         self._operators = Operators(
-            setup, settings, commands, switch, switches=switches, surfaces=surfaces,
-            outbox=outbox, signing=self.signing, keep_key=keep_key,
-        )  # fmt: skip
-        words = [*first_words, *start_faults(settings, self.signing)]
+            setup,
+            settings,
+            commands,
+            engage_switch=self.engage_switch,
+            switches=self._switches,
+            surfaces=surfaces,
+            outbox=outbox,
+            signing=self.signing,
+            keep_key=options.keep_key,
+        )
+        words = [*options.first_words, *start_faults(settings, self.signing)]
         self._reports = Reports(
-            session, self.clocking, self.links, outbox, panel, recorder, store, words
+            session, self.clocking, self.links, outbox, panel, recorder, options.store, words
         )
 
     def add_link(self, send: Callable[[bytes], bool], *, stream: bool = False) -> int:

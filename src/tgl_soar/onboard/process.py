@@ -45,7 +45,7 @@ from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.search_process import SearchBeside, SearchHere
 from tgl_soar.onboard.setup import ModuleSetup, bounds_of, setup_from
 from tgl_soar.onboard.watchdog_release import hand_over, open_for
@@ -365,20 +365,22 @@ def _module(
         opened.setup,
         first.send,
         realtime.clock_s(),
-        stream=first.is_stream,
-        lockstep=options.lockstep,
-        console=say,
-        store=opened.store,
-        first_words=[*opened.first_words, *_words_of_place(opened.setup)],
-        signing=opened.signing,
-        unsigned_autopilot=secret.unsigned_autopilot,
-        keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
-        recorder=opened.recorder or NO_RECORDER,
-        start=secrets.randbits(24),
-        send_command=first.send_command,
-        clear_for_release=first.clear_for_release,
-        before_first=heartbeat.take_surfaces if heartbeat is not None else lambda: None,
-        search=opened.search,
+        ModuleOptions(
+            stream=first.is_stream,
+            send_command=first.send_command,
+            clear_for_release=first.clear_for_release,
+            before_first=heartbeat.take_surfaces if heartbeat is not None else lambda: None,
+            lockstep=options.lockstep,
+            start=secrets.randbits(24),
+            signing=opened.signing,
+            unsigned_autopilot=secret.unsigned_autopilot,
+            keep_key=partial(save_key, key_file) if key_file and secret.allow_setup else None,
+            console=say,
+            first_words=[*opened.first_words, *_words_of_place(opened.setup)],
+            store=opened.store,
+            recorder=opened.recorder or NO_RECORDER,
+            search=opened.search,
+        ),
     )
     for other in others:
         onboard.add_link(other.send, stream=other.is_stream)

@@ -17,7 +17,7 @@ from typing import Any
 from free_ports import free_port
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.simulation import Options, Simulation
 
@@ -47,7 +47,7 @@ class Flown:
         self.simulation.add_link(GROUND, ground=True)
         self.simulation.pixhawk.set_pace(COMPANION)
         self._setup = setup_from(airframe, site, load_parameters(airframe, plane, site, SITE))
-        self.onboard = Onboard(self._setup, self._send, 0.0, lockstep=True, start=1)
+        self.onboard = Onboard(self._setup, self._send, 0.0, ModuleOptions(lockstep=True, start=1))
         self.altered: Callable[[bytes], bytes] = bytes  # what a bad link makes of a frame
 
     def _send(self, frame: bytes) -> bool:
@@ -56,7 +56,7 @@ class Flown:
 
     def restart_module(self) -> None:
         """As its watchdog does."""
-        self.onboard = Onboard(self._setup, self._send, 0.0, lockstep=True, start=2)
+        self.onboard = Onboard(self._setup, self._send, 0.0, ModuleOptions(lockstep=True, start=2))
 
     def run(self, seconds: float) -> list[bytes]:
         """What the ground is sent in the meantime."""

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import SurfaceCommand
@@ -45,10 +45,7 @@ class LoggedFlight:
             setup_from(airframe, site, values),
             lambda _frame: True,
             0.0,
-            lockstep=True,
-            console=self.console.append,
-            recorder=recorder,
-            **options,
+            ModuleOptions(lockstep=True, console=self.console.append, recorder=recorder, **options),
         )
         self._vehicle = mavlink.MAVLink(None, 1, 1)
         self._station = mavlink.MAVLink(None, 255, 190)

@@ -22,7 +22,7 @@ from tgl_soar.analysis.campaigns.drawn_faults import place
 from tgl_soar.autopilot import mode_name
 from tgl_soar.config.airframe import ModelKind, Surfaces
 from tgl_soar.link.clock import MILLISECONDS_WRAP_S
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.channels import deflection_from_pwm
 from tgl_soar.sim.world import make_world
@@ -125,8 +125,8 @@ def fly_long(
     world = make_world(airframe, site, seed=seed, turbulence=TURBULENCE, field=air)
     world.held = True
     trim = SurfaceCommand(world.trim.elevator, 0.0, 0.0)
-    wire = _Wire(airframe.surfaces)
-    onboard = Onboard(setup_from(airframe, site, values), wire.take, 0.0, lockstep=True)
+    wire, setup = _Wire(airframe.surfaces), setup_from(airframe, site, values)
+    onboard = Onboard(setup, wire.take, 0.0, ModuleOptions(lockstep=True))
     begun_s = MILLISECONDS_WRAP_S - 0.5 * duration_s
     flight = LongFlight(duration_s)
     steps = round(duration_s * world.step_hz)

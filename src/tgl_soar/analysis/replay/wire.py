@@ -34,7 +34,7 @@ from tgl_soar.control.supervisor import is_flying
 from tgl_soar.link.clock import ClockMap
 from tgl_soar.link.frames import first_frame
 from tgl_soar.onboard.flightlog.recorder import Recorder
-from tgl_soar.onboard.module import Onboard
+from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.onboard.telemetry_values import FAST, fast_value
 from tgl_soar.types import Inputs
@@ -242,8 +242,7 @@ def replay_wire(
         setup_from(airframe, site, values),
         lambda _frame: True,
         0.0,
-        lockstep=lockstep,
-        recorder=memory,
+        ModuleOptions(lockstep=lockstep, recorder=memory),
     )
     began = time.perf_counter()
     again = _Again(onboard, own, min(link.operators), changes)
