@@ -50,7 +50,9 @@ def align(
             help="Measure now, with the body at this point of the site \\[m]; repeat for each.",
         ),
     ] = None,
-    server: Annotated[str, typer.Option(help="HOST or HOST:PORT instead of the site's.")] = "",
+    server: Annotated[
+        str, typer.Option(help="Server, HOST or HOST:PORT, instead of the site's.")
+    ] = "",
     up: Annotated[str, typer.Option(help="The hall's up axis, y or z. Default: the site's.")] = "",
     seconds: Annotated[
         float, typer.Option(help="How long each point is averaged.", min=0.5, max=60.0)

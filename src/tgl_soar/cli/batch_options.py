@@ -25,9 +25,7 @@ from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, CampaignFolder
 
 LINE_S: Final = 30.0  # between two lines of progress: nobody waits longer without a sign of life
 ALL: Final = os.cpu_count() or 1
-Workers = Annotated[
-    int, typer.Option(help="Processes that fly; 0: none but this one.", min=0, max=256)
-]
+Workers = Annotated[int, typer.Option(help="Processes that fly; 0: only this one.", min=0, max=256)]
 Scheduler = Annotated[
     str | None,
     typer.Option(

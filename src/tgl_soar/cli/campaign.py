@@ -51,14 +51,15 @@ TIMELINE = Path("images") / "safety-timeline.png"
 
 @campaign_app.command()
 def faults(
-    flights: Annotated[int, typer.Option(help="To fly.", min=1, max=100_000_000)] = 2000,
+    flights: Annotated[int, typer.Option(help="Flights to fly.", min=1, max=100_000_000)] = 2000,
     dropouts: Annotated[
-        int, typer.Option(help="Of each drop-out that must be survived.", min=0, max=100_000)
+        int,
+        typer.Option(help="Flights for each drop-out that must be survived.", min=0, max=100_000),
     ] = 200,
     seed: Annotated[
         int,
         typer.Option(
-            help="Of the first flight; the others have those after it, so that campaigns whose"
+            help="Seed of the first flight; the others have the seeds after it, so campaigns whose"
             " seeds are nearer than their flights share some.",
             min=0,
         ),
@@ -75,14 +76,14 @@ def faults(
     docs: Annotated[
         Path | None,
         typer.Option(
-            help="Write the table into safety.md here, with --dispersion into the section of those."
+            help="Write the table into safety.md in this folder, with --dispersion its own section."
         ),
     ] = None,
 ) -> None:
     """Fly with faults drawn at random; exit code 1 if any flight was lost or any command bad.
 
-    Every flight is kept as it is flown: if it is stopped or killed, --resume goes on. In the end
-    each is a row of rows.parquet; see `campaign report`.
+    Every flight is stored as soon as it is flown. If the command is stopped or killed, --resume
+    continues. At the end each flight is a row of rows.parquet; see `campaign report`.
     """
     marks = drawn_faults.DISPERSED_MARKS if dispersion else drawn_faults.MARKS
     page = None if docs is None else page_to_write(docs, "safety.md", marks)
@@ -135,14 +136,17 @@ def report_command(
     of: Annotated[str | None, typer.Option(help="Column that is counted or averaged.")] = None,
     beside: Annotated[
         Path | None,
-        typer.Option(help="Another campaign: shares of one class in both, group by group."),
+        typer.Option(help="Another campaign: fractions of one class in both, group by group."),
     ] = None,
     counted: Annotated[
         str | None,
-        typer.Option("--class", help="With --beside: whose shares; the first's most frequent."),
+        typer.Option(
+            "--class",
+            help="With --beside: the class. Default: the most frequent of the first campaign.",
+        ),
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="Draw it, too (.png, .svg).", dir_okay=False)
+        Path | None, typer.Option(help="Also draw it (.png, .svg).", dir_okay=False)
     ] = None,
 ) -> None:
     """Tabulate the flights of any campaign or experiment by any of their columns, and draw them."""
@@ -216,7 +220,7 @@ def _print_report(found: report.Report) -> None:
 
 @campaign_app.command()
 def timeline(
-    out: Annotated[Path, typer.Option(help="Where the figure goes.", dir_okay=False)] = Path(
+    out: Annotated[Path, typer.Option(help="File of the figure.", dir_okay=False)] = Path(
         "out/safety-timeline.png"
     ),
 ) -> None:
@@ -232,8 +236,8 @@ def timeline(
 
 @campaign_app.command()
 def long(
-    hours: Annotated[float, typer.Option(help="Simulated.", min=0.001, max=1000.0)] = 24.0,
-    seed: Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)] = 1,
+    hours: Annotated[float, typer.Option(help="Simulated hours.", min=0.001, max=1000.0)] = 24.0,
+    seed: Annotated[int, typer.Option(help="Seed of noise and turbulence.", min=0)] = 1,
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
 ) -> None:
     """Fly the whole module for hours across the wrap of the autopilot's clock."""

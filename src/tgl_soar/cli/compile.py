@@ -51,10 +51,11 @@ def compile_command(
         bool, typer.Option("--again", help="Compile again, even if it exists already.")
     ] = False,
     remove: Annotated[
-        bool, typer.Option("--remove", help="Remove the native code; the source then flies.")
+        bool,
+        typer.Option("--remove", help="Remove the native code; then the source is interpreted."),
     ] = False,
 ) -> None:
-    """Make native code of what flies: a tick is more than twice as fast. Takes some minutes, once.
+    """Make native code of the flying modules; ticks are then more than twice as fast. Takes minutes.
 
     It is stored beside the package, or in the folder that TGL_SOAR_NATIVE names.
     """

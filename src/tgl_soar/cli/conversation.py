@@ -29,7 +29,9 @@ from tgl_soar.onboard.setup import commanding_source
 
 LOOK_S: Final = 0.02
 
-LinkOption = Annotated[str, typer.Option("--link", help="To the autopilot, as for `tgl-soar run`.")]
+LinkOption = Annotated[
+    str, typer.Option("--link", help="Link to the autopilot, as for `tgl-soar run`.")
+]
 TimeoutOption = Annotated[
     float, typer.Option("--timeout", help="Seconds to wait for the autopilot.", min=1.0, max=600.0)
 ]

@@ -67,12 +67,12 @@ COLOURS = {
 }
 
 
-EPISODES = typer.Option(help="Of `search`, `nowhere`: places of each kind.", min=1, max=10_000)
+EPISODES = typer.Option(help="For `search`, `nowhere`: places of each kind.", min=1, max=10_000)
 
 
 def experiment(
     name: Annotated[
-        str, typer.Argument(help="Its name; `paper`, `aims`, `all` of them; or `list`.")
+        str, typer.Argument(help="Name of an experiment; `paper`, `aims` or `all`; or `list`.")
     ] = "list",
     out: Annotated[Path, typer.Option(help="Folder for figures and numbers.")] = Path(
         "out/experiments"
@@ -88,7 +88,9 @@ def experiment(
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
     field: Annotated[
         Path | None,
-        typer.Option(help="A site file: `places` flies in its air too, a CFD plane's perhaps."),
+        typer.Option(
+            help="A site file, such as that of a CFD plane: `places` flies in its air too."
+        ),
     ] = None,
     workers: Workers = ALL,
     scheduler: Scheduler = None,
@@ -97,7 +99,7 @@ def experiment(
     episodes: Annotated[int | None, EPISODES] = None,
     dispersion: Dispersion = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="One seed of each: to try, not to cite.")
+        bool, typer.Option("--quick", help="One seed of each: to try the command, not to cite.")
     ] = False,
 ) -> None:
     """Fly the paper's experiments and our own; print verdicts, write figures and numbers."""

@@ -17,22 +17,20 @@ from tgl_soar.onboard.flightlog.writer import FlightRecorder
 
 def glide(
     airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise and errors.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise and errors.", min=0)] = 1,
     turbulence: Annotated[
-        float, typer.Option(help="Fraction of the wind.", min=0.0, max=0.2)
+        float, typer.Option(help="Turbulence, a fraction of the wind.", min=0.0, max=0.2)
     ] = 0.0,
     pitot: Annotated[bool, typer.Option("--pitot", help="With a pitot tube.")] = False,
     brake: Annotated[
         list[float] | None,
-        typer.Option(
-            help="Positions of the brake, 0 to 1, at each of which all speeds are glided."
-        ),
+        typer.Option(help="Position of the brake, 0 to 1, for glides at all speeds; repeatable."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the log.")] = Path("out/glide"),
 ) -> None:
     """Glide at ten speeds and fly eight elevator doublets, in a simulated uniform wind.
 
-    The log is what `tgl-soar polar fit` and `tgl-soar identify` take.
+    `tgl-soar polar fit` and `tgl-soar identify` read the log.
     """
     from tgl_soar.sim.glide_test import fly, wind_of
 

@@ -63,9 +63,9 @@ def identify_command(
 ) -> None:
     """Fit the short period, the elevator's effect and the servo's delay to doublets in a glide.
 
-    Hold the elevator, move it to one side and the other, hold it again; wings level, in
-    still air; four times or more. What a brake does is identified too where it is moved, or
-    glided with; drag and polar, where the log holds steady glides at six speeds.
+    Fly in still air, wings level: hold the elevator, move it to one side and the other, and hold
+    it again, four times or more. The effect of a brake is identified too if the log has movements
+    of it, or glides with it; drag and polar, if the log has steady glides at six speeds.
     Exit code 1: identified, but not reliable.
     """
     from tgl_soar.analysis.logs.flight_data import steered

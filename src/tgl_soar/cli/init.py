@@ -36,9 +36,10 @@ def init(
         str, typer.Option(metavar="NAME", help="Airframe to start from.")
     ] = "eclipson_c",
     firmware: Annotated[
-        str, typer.Option(metavar="NAME", help=f"Of the autopilot: {', '.join(_FIRMWARES)}.")
+        str,
+        typer.Option(metavar="NAME", help=f"Firmware of the autopilot: {', '.join(_FIRMWARES)}."),
     ] = "bridge",
-    link: Annotated[str, typer.Option(help="To the autopilot, as for `tgl-soar run`.")] = LINK,
+    link: Annotated[str, typer.Option(help="Link to the autopilot, as for `tgl-soar run`.")] = LINK,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
     """Write airframe, site, service, ground station's actions and log layouts into a folder.

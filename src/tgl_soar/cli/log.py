@@ -44,7 +44,7 @@ def fields() -> None:
 
 @log_app.command()
 def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -> None:
-    """Say what a log holds, and what of it is lost; exit code 1 if anything is."""
+    """Show what a log contains, and what of it is lost; exit code 1 if anything is lost."""
     log = read(path)
     for key, value in sorted(log.info.items()):
         console.print(f"{key}: {value}", highlight=False, markup=False, soft_wrap=True)
@@ -63,7 +63,9 @@ def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -
 
 
 @log_app.command()
-def margins(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog of ours.")]) -> None:
+def margins(
+    path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog of the module.")],
+) -> None:
     """Read the open loop from a flight's multisines (EXC_START): gain and phase at each tone, and
     margins, with their 95 % intervals; exit code 2 where there are none."""
     from tgl_soar.analysis.logs.open_log import read_flight
@@ -114,7 +116,7 @@ def export(
         Path | None, typer.Option(help="File, or folder for csv; beside the log if not given.")
     ] = None,
 ) -> None:
-    """Write what can be read of a log in another format; exit code 1 if anything is lost."""
+    """Write the readable part of a log in another format; exit code 1 if anything is lost."""
     if to not in FORMATS:
         fail(f"--to {to}: must be {', '.join(FORMATS)}")
     log = read(path)

@@ -32,22 +32,23 @@ def margins(
     airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     site: Annotated[Path, typer.Option(help="Site file.", **SITE_FILE)] = SITE,
     speed: Annotated[
-        list[float] | None, typer.Option(help="Airspeed \\[m/s]; several times for several.", min=1)
+        list[float] | None, typer.Option(help="Airspeed \\[m/s]; repeatable.", min=1)
     ] = None,
     lean: Annotated[
-        list[float] | None, typer.Option(help="Lean of the line \\[degrees]; likewise.")
+        list[float] | None, typer.Option(help="Lean of the line \\[degrees]; repeatable.")
     ] = None,
     delay: Annotated[
         list[float] | None,
-        typer.Option(help="From tick to servo \\[ms]; likewise.", min=0.0, max=200.0),
+        typer.Option(help="Delay from tick to servo \\[ms]; repeatable.", min=0.0, max=200.0),
     ] = None,
     turbulence: Annotated[
-        float, typer.Option(help="Intensity, a fraction of the wind.", min=0.0, max=0.2)
+        float,
+        typer.Option(help="Intensity of turbulence, a fraction of the wind.", min=0.0, max=0.2),
     ] = 0.03,
     floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.0, max=2.0)] = 0.5,
     out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
 ) -> None:
-    """Margins of the scheduled gains, and e_rho and elevator activity in turbulence.
+    """Compute margins of the scheduled gains, and e_rho and elevator activity in turbulence.
 
     Disk, gain, phase and delay margins by the linear model of the airframe, at elevator, line,
     aileron and rudder. Exit code 1: one is below the floor.

@@ -20,7 +20,7 @@ from tgl_soar.link.natnet.listing import BodyListing, BodyRow
 from tgl_soar.link.natnet.sockets import NatNetError
 from tgl_soar.onboard.mocap import MocapFeed, from_server, server_address
 
-mocap_app = typer.Typer(help="What a motion-capture server streams.", no_args_is_help=True)
+mocap_app = typer.Typer(help="Show what a motion-capture server streams.", no_args_is_help=True)
 
 NOBODY: Final = 2**31 - 1  # an id that nobody gives a body: all are listed, none is used
 ASK_S: Final = 0.5  # between two signs of life, and two questions for names
@@ -29,7 +29,7 @@ LOOK_S: Final = 0.05
 
 @mocap_app.callback()
 def mocap() -> None:
-    """What a motion-capture server streams."""
+    """Show what a motion-capture server streams."""
 
 
 @mocap_app.command("list")
@@ -51,7 +51,7 @@ def list_(
 ) -> None:
     """List the rigid bodies that are streamed: id, name, tracked or not, rate and age.
 
-    Exit code 0: there are some; 1: none is streamed; 2: the server does not answer or stream.
+    Exit code 0: there are some; 1: there are none; 2: the server does not answer or stream.
     """
     try:
         feed = _opened(_wanted(site, server, interface))

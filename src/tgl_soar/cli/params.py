@@ -183,7 +183,9 @@ def diff(
     first: Annotated[
         str, typer.Argument(help="default, files, state, or a .params or .parm file.")
     ] = "files",
-    second: Annotated[str, typer.Argument(help="The same.")] = "state",
+    second: Annotated[
+        str, typer.Argument(help="What to compare with: the same choices.")
+    ] = "state",
     *,
     airframe: AirframeOption,
     site: SiteOption,
@@ -191,8 +193,8 @@ def diff(
 ) -> None:
     """List the values that differ; exit code 1 if any do.
 
-    default: as declared. files: with the airframe's and the site's. state: with the stored ones,
-    which a flight would begin with. Of a file, the values that it holds.
+    default: as declared. files: with the airframe's and the site's values. state: with the stored
+    values too, as a flight would begin. FILE: the values that the file contains.
     """
     found = _begin(airframe, site, state)
     one, other = (_values_of(word, found) for word in (first, second))
@@ -259,13 +261,13 @@ def import_(
     site: SiteOption,
     state: StateOption = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Store a line by which no aircraft can be held, too.")
+        bool, typer.Option("--force", help="Also store a line on which no aircraft can be held.")
     ] = False,
 ) -> None:
     """Store the values of a ground station's file: the next flight begins with them.
 
-    What the file does not name stays. All of it is taken or nothing. Not while the module runs:
-    it stores what it flies with.
+    Parameters that the file does not name keep their values. Either all values are taken or none.
+    Do not import while the module runs: it would store its own values over these.
     """
     found = _begin(airframe, site, state)
     try:

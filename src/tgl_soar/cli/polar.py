@@ -42,21 +42,23 @@ def fit(
     ] = "speed_mps",
     sink: Annotated[str, typer.Option(help="Column of sinks \\[m/s, positive down].")] = "sink_mps",
     brake: Annotated[
-        str, typer.Option(help="Column of the brake, 0 to 1, where the table has one.")
+        str, typer.Option(help="Column of the brake, 0 to 1, if the table has one.")
     ] = "brake",
     wind: WindOption = 0.0,
     wind_from: WindFromOption = 0.0,
     compare: Annotated[
         Path | None,
-        typer.Option(help="Airframe file whose polar the figure shows beside it.", **AIRFRAME_FILE),
+        typer.Option(
+            help="Airframe file whose polar the figure shows for comparison.", **AIRFRAME_FILE
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Figure to write, PNG or SVG.")] = None,
 ) -> None:
     """Fit the third-order polar to a table of glides, or to the steady glides that logs hold.
 
-    Of a log only still air counts: steady pitch, wings level, no lift; the horizontal wind is
-    given, unless the aircraft has a pitot tube. Glides at several positions of a brake give the
-    family of polars: the one without it, and what all of it adds.
+    A log must be flown in still air: steady pitch, wings level, no lift. Give the horizontal wind,
+    unless the aircraft has a pitot tube. Glides at several positions of a brake give a family of
+    polars: the polar with the brake retracted, and what the full brake adds.
     """
     file = files[0]
     try:

@@ -36,15 +36,15 @@ def preflight(
         Path, typer.Option(help="Site file: where the position comes from.", **SITE_FILE)
     ],
     show_all: Annotated[
-        bool, typer.Option("--all", help="Also show what is as it should be.")
+        bool, typer.Option("--all", help="Also show parameters that are as needed.")
     ] = False,
     timeout: TimeoutOption = 10.0,
     signing_key: KeyOption = None,
 ) -> None:
     """Read the autopilot's parameters and list what to change before flight; change nothing.
 
-    Of the site file, the fence and the lines are checked; of the airframe file, the margin of the
-    loops of pitch, line, roll and heading.
+    It also checks fence and lines of the site file, and computes the margins of pitch, line, roll
+    and heading with the airframe file's gains.
 
     Exit code 0: all as needed; 1: something must be changed; 2: not possible.
     """

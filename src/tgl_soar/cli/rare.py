@@ -60,19 +60,25 @@ KEPT: Final = "flights"  # of --out
 
 
 def rare(
-    turbulence: Annotated[float, typer.Option(help="Intensity.", min=0.001, max=0.5)] = 0.03,
-    seconds: Annotated[float, typer.Option(help="Of a flight.", min=1.0, max=3600.0)] = 60.0,
+    turbulence: Annotated[
+        float, typer.Option(help="Intensity of turbulence.", min=0.001, max=0.5)
+    ] = 0.03,
+    seconds: Annotated[
+        float, typer.Option(help="Length of a flight [s].", min=1.0, max=3600.0)
+    ] = 60.0,
     effort: Annotated[
         int, typer.Option(help="Trajectories at each level.", min=10, max=1_000_000)
     ] = 200,
-    ladders: Annotated[int, typer.Option(help="Estimates, each of its own.", min=2, max=1000)] = 5,
+    ladders: Annotated[int, typer.Option(help="Independent estimates.", min=2, max=1000)] = 5,
     plain: Annotated[
         int, typer.Option(help="Plain flights to compare with.", min=0, max=100_000_000)
     ] = 0,
-    line: Annotated[str | None, typer.Option(help="Line of the site; the site's own.")] = None,
-    airframe: Annotated[Path, typer.Option(help="Airframe.", **AIRFRAME_FILE)] = AIRFRAME,
+    line: Annotated[
+        str | None, typer.Option(help="Line of the site. Default: the site's own.")
+    ] = None,
+    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     site: Annotated[Path, typer.Option(help="Site to fly at.", **SITE_FILE)] = SITE,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.", min=0)] = 1,
     workers: Workers = ALL,
     scheduler: Scheduler = None,
     resume: Resume = False,
@@ -82,9 +88,9 @@ def rare(
         "out/rare"
     ),
 ) -> None:
-    """Estimate how often a flight is lost by multilevel splitting; rank what it is lost by.
+    """Estimate by multilevel splitting how often a flight is lost; rank the causes.
 
-    Beside it: plain flights (--plain), and Kramers' rate of falling out of the well.
+    For comparison: plain flights (--plain), and Kramers' rate of falling out of the well.
     """
     if not available():
         fail("splitting flies compiled: pip install 'tgl_soar[fast]'")

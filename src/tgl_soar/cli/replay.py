@@ -45,19 +45,23 @@ _REPORTED_IN = {  # units of what telemetry tells
 def replay(
     paths: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG...", help="A .ulg of ours, or a .tlog; or several .ulg."),
+        typer.Argument(
+            metavar="LOG...", help="One .ulg of the module, or a .tlog; or several .ulg."
+        ),
     ],
     param: Annotated[
         list[str] | None,
-        typer.Option("--param", metavar="NAME=VALUE", help="With another value; repeatable."),
+        typer.Option(
+            "--param", metavar="NAME=VALUE", help="Replay with another value; repeatable."
+        ),
     ] = None,
     airframe: Annotated[
         Path | None,
-        typer.Option(help="With the parameters of another airframe file.", **AIRFRAME_FILE),
+        typer.Option(help="Replay with the parameters of another airframe file.", **AIRFRAME_FILE),
     ] = None,
     site: Annotated[
         Path | None,
-        typer.Option(help="Site file; for a .tlog alone, which holds none.", **SITE_FILE),
+        typer.Option(help="Site file; only for a .tlog, which contains none.", **SITE_FILE),
     ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Draw logged and replayed commands (.png, .svg).")
@@ -69,7 +73,7 @@ def replay(
         bool,
         typer.Option(
             "--compile",
-            help="Compile the laws first (numba): up to a minute, once for each version. From then"
+            help="Compile the laws first (numba): some minutes, once for each version. From then"
             " on long logs are flown with them by themselves.",
         ),
     ] = False,
@@ -84,10 +88,10 @@ def replay(
 ) -> None:
     """Run a log's inputs through the laws again; exit code 1 if commands differ or data is lost.
 
-    A .ulg is compared bit for bit. With --param or --airframe it shows what would have been
-    commanded: the aircraft does not answer to it. A .tlog, of this module or of a ground station,
-    goes through the whole module, as far as its frames suffice. Of several .ulg each is a line of a
-    table, which --out keeps, with the logs' digests.
+    A .ulg is compared bit for bit. With --param or --airframe the replay shows which commands would
+    have been given; the aircraft does not respond to them. A .tlog, of this module or of a ground
+    station, is replayed through the whole module, as far as its frames suffice. Several .ulg give a
+    table with a line for each log; --out keeps it, with the logs' digests.
     """
     changes = _changes(param or [])
     for option, kept in (("--resume", resume), ("--restart", restart)):

@@ -60,13 +60,14 @@ def contour_(
         Path, typer.Option(help="Airframe file, for its polar.", **AIRFRAME_FILE)
     ] = AIRFRAME,
     bounds: Annotated[
-        str, typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Of the site's air.")
+        str,
+        typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Default: the site's air."),
     ] = "",
     out: Annotated[Path | None, typer.Option(help="File to write; else it is printed.")] = None,
 ) -> None:
     """Print the site's zero excess updraft contour as the \\[contour] table of its file.
 
-    The module refuses a line that does not cross it. Append it to the site file:
+    The module refuses a line that does not cross this contour. Append it to the site file:
     tgl-soar site contour --site my_site.toml >> my_site.toml
     """
     try:
@@ -105,22 +106,22 @@ def misfit_(
 @site_app.command("wind")
 def wind_(
     out: Annotated[Path, typer.Argument(help="CSV file to write.")],
-    hours: Annotated[float, typer.Option(min=0.05, max=24.0, help="How long it is.")] = 1.0,
+    hours: Annotated[float, typer.Option(min=0.05, max=24.0, help="Length of the record.")] = 1.0,
     mean: Annotated[
         float, typer.Option(min=1.0, max=30.0, help="Mean wind \\[m/s].")
     ] = _USUAL.mean_mps,
     lulls: Annotated[
-        float, typer.Option(min=0.0, max=60.0, help="Lulls an hour.")
+        float, typer.Option(min=0.0, max=60.0, help="Lulls in an hour.")
     ] = _USUAL.lulls_per_hour,
     veer: Annotated[
-        float, typer.Option(min=0.0, max=60.0, help="Most slow veer, to either side \\[deg].")
+        float, typer.Option(min=0.0, max=60.0, help="Largest slow veer, to either side \\[deg].")
     ] = 20.0,
-    seed: Annotated[int, typer.Option(min=0, help="Another one, another wind.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed gives another wind.")] = 1,
 ) -> None:
     """Write a synthetic wind record: Kaimal's spectra, lulls and a slow veer.
 
     Name it in the site file, \\[air] record = "FILE.csv": flights in that air then have this wind.
-    A mast's own record with the same columns does as well.
+    The record of a mast with the same columns can be used as well.
     """
     wind = _USUAL._replace(
         duration_s=3600.0 * hours, mean_mps=mean, lulls_per_hour=lulls, veer_rad=radians(veer)

@@ -31,44 +31,53 @@ PLANE: Final = "plane.png"
 
 @site_app.command("init")
 def site_init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Made if it is not there.")],
-    dem: Annotated[Path, typer.Option(metavar="FILE", help="Heights: .hgt, .tif, .vrt.")],
-    lat: Annotated[float, typer.Option(help="Of a place on the slope or its crest \\[deg].")],
-    lon: Annotated[float, typer.Option(help="Likewise, east is positive \\[deg].")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Created if it does not exist.")],
+    dem: Annotated[Path, typer.Option(metavar="FILE", help="Elevation model: .hgt, .tif or .vrt.")],
+    lat: Annotated[
+        float, typer.Option(help="Latitude of a place on the slope or its crest \\[deg].")
+    ],
+    lon: Annotated[float, typer.Option(help="Longitude of that place, east is positive \\[deg].")],
     ridge: Annotated[
-        float, typer.Option(min=-360, max=360, help="Direction that the ridge runs in \\[deg].")
+        float, typer.Option(min=-360, max=360, help="Direction in which the ridge runs \\[deg].")
     ],
     wind_from: Annotated[
         float | None,
-        typer.Option(min=-360, max=360, help="Where the wind comes from. Straight at the slope."),
+        typer.Option(
+            min=-360, max=360, help="Where the wind comes from. Default: straight at the slope."
+        ),
     ] = None,
     wind: Annotated[
         float | None,
-        typer.Option(min=1, max=30, help="Far upstream \\[m/s]. The airframe's least speed."),
+        typer.Option(
+            min=1, max=30, help="Wind far upstream \\[m/s]. Default: the airframe's least speed."
+        ),
     ] = None,
     airframe: Annotated[
         Path, typer.Option(help="Airframe file, for its polar.", **AIRFRAME_FILE)
     ] = AIRFRAME,
     reach: Annotated[
-        float, typer.Option(min=50, max=2000, help="Of ground to either side of the crest \\[m].")
+        float,
+        typer.Option(min=50, max=2000, help="Extent of ground to either side of the crest \\[m]."),
     ] = 800.0,
     half_width: Annotated[
-        float, typer.Option(min=5, max=1000, help="Of the fence along the ridge \\[m].")
+        float,
+        typer.Option(min=5, max=1000, help="Half of the fence's width along the ridge \\[m]."),
     ] = 50.0,
     clearance: Annotated[
-        float, typer.Option(min=1, max=50, help="CLEAR_MIN: the model is metres off \\[m].")
+        float,
+        typer.Option(min=1, max=50, help="CLEAR_MIN; the elevation model errs by metres \\[m]."),
     ] = 10.0,
     ceiling: Annotated[
-        float, typer.Option(min=10, max=1000, help="Of the fence, over the crest \\[m].")
+        float, typer.Option(min=10, max=1000, help="Height of the fence over the crest \\[m].")
     ] = 120.0,
-    name: Annotated[str, typer.Option(help="Of the site.")] = "",
-    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    name: Annotated[str, typer.Option(help="Name of the site.")] = "",
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
     """Write a first site file from a digital elevation model, to be corrected on the spot.
 
-    Ground, fence, home and a landing place are the model's; wind and contour are a guess by
-    potential flow over it, written beside the file so that `tgl-soar sitl --site` flies it.
-    All files are written or none. Exit code 2: not possible, and why.
+    Ground, fence, home and a landing place come from the model. Wind and contour are guessed by
+    potential flow over it; the wind is written beside the file, so that `tgl-soar sitl --site`
+    can fly there. All files are written or none. Exit code 2: not possible, with the reason.
     """
     folder = Path(os.path.abspath(folder))  # noqa: PTH100 - a link is not followed
     taken = [n for n in (SITE_FILE_NAME, GRID_FILE, MAP, PLANE) if (folder / n).exists()]

@@ -74,21 +74,21 @@ class SitlReceiver(StrEnum):
 AirframeFile = Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)]
 SiteFile = Annotated[
     Path | None,
-    typer.Option(help="Site file; of the tunnel, with \\[mocap] where needed.", **SITE_FILE),
+    typer.Option(help="Site file. Default: the tunnel, with \\[mocap] where needed.", **SITE_FILE),
 ]
 ModelChoice = Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)]
-Legs = Annotated[str, typer.Option(help="Names of lines, with commas; default: all of the site's.")]
+Legs = Annotated[str, typer.Option(help="Names of lines, with commas. Default: all of the site's.")]
 Stay = Annotated[float, typer.Option(help="Seconds on each line.", min=2.0, max=600.0)]
-Seed = Annotated[int, typer.Option(help="Of noise and turbulence.", min=0)]
+Seed = Annotated[int, typer.Option(help="Seed of noise and turbulence.", min=0)]
 Turbulence = Annotated[
     float | None,
-    typer.Option(help="Fraction of the wind. Default: the site's.", min=0.0, max=0.5),
+    typer.Option(help="Turbulence, a fraction of the wind. Default: the site's.", min=0.0, max=0.5),
 ]
 ReceiverChoice = Annotated[
     SitlReceiver,
     typer.Option(
-        help="Of the simulated Pixhawk: a local system, satellites that drift by a metre and two in"
-        " height, or satellites with carrier-phase corrections."
+        help="Positions of the simulated Pixhawk: a local system, satellites that drift by a metre,"
+        " and by two in height, or satellites with carrier-phase corrections."
     ),
 ]
 Settings = Annotated[
@@ -113,12 +113,14 @@ WithPage = Annotated[
         "--page", help="Fly in real time with the operator's page, until Ctrl-C; engage there."
     ),
 ]
-PagePort = Annotated[int, typer.Option(help="Of that page; 0: any.", min=0, max=65535)]
+PagePort = Annotated[
+    int, typer.Option(help="Port of that page; 0: any free one.", min=0, max=65535)
+]
 Faults = Annotated[
     list[str] | None,
     typer.Option(
-        help="What goes wrong, as 'position.dropout start=20 for=1.5'; repeat for more;"
-        " `list` shows all. Of the position: as the autopilot reports it, also with --mocap."
+        help="A fault, as 'position.dropout start=20 for=1.5'; repeat for more;"
+        " `list` shows all. Position faults act on the autopilot's reports, also with --mocap."
     ),
 ]
 MocapChoice = Annotated[
@@ -128,7 +130,7 @@ MocapSettings = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="Of the stand-in, as tools/sitl_bridge.py --help lists them: version=4.2,"
+        help="Option of the stand-in, as tools/sitl_bridge.py --help lists: version=4.2,"
         " loss=0.1, fault=untracked:20:21.5; repeat for more.",
     ),
 ]
@@ -151,7 +153,7 @@ AutopilotParameters = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=NUMBER[@S]",
-        help="Of the autopilot, of a firmware also set in flight; repeat for more.",
+        help="A parameter of the autopilot; with @S a real firmware's, in flight. Repeatable.",
     ),
 ]
 WithSearch = Annotated[

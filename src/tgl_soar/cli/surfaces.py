@@ -43,7 +43,7 @@ def surfaces(
     link: LinkOption,
     airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)],
     deflection: Annotated[
-        float, typer.Option(help="How far, of full travel.", min=0.1, max=1.0)
+        float, typer.Option(help="Deflection, as a fraction of full travel.", min=0.1, max=1.0)
     ] = 0.5,
     hold: Annotated[float, typer.Option(help="Seconds at each stop.", min=0.5, max=20.0)] = 1.5,
     yes: Annotated[
@@ -52,7 +52,7 @@ def surfaces(
     ] = False,
     armed_on_ground: Annotated[
         bool,
-        typer.Option("--armed-on-ground", help="It is armed, and somebody holds it."),
+        typer.Option("--armed-on-ground", help="The aircraft is armed, and somebody holds it."),
     ] = False,
     timeout: TimeoutOption = 10.0,
     signing_key: KeyOption = None,
@@ -60,7 +60,7 @@ def surfaces(
     """Move elevator, aileron and rudder in turn, say which way each must go, and compare the
     autopilot's outputs with the airframe file.
 
-    Exit code 0: all is as in the file and moves as it must; 1: something does not; 2: not possible.
+    Exit code 0: all is as in the file and moves as it must; 1: something is wrong; 2: not possible.
     """
     try:
         plane = load_airframe(airframe)

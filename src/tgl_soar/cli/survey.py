@@ -25,11 +25,13 @@ _TABLE = re.compile(r"(?m)^\[{1,2}[A-Za-z]")
 
 
 def survey(
-    log: Annotated[Path, typer.Argument(help="The module's flight log, or another of its flight.")],
+    log: Annotated[
+        Path, typer.Argument(help="The module's flight log, or another log of that flight.")
+    ],
     into: Annotated[
         Path | None,
         typer.Option(
-            help="Site file whose \\[contour] it becomes. Else it is printed.", **SITE_FILE
+            help="Site file into which \\[contour] is written. Default: print it.", **SITE_FILE
         ),
     ] = None,
     airframe: Annotated[
@@ -37,12 +39,12 @@ def survey(
         typer.Option(help="Airframe file. Default: that of the module's log.", **AIRFRAME_FILE),
     ] = None,
     number: Annotated[
-        int, typer.Option(min=0, help="Which survey of the flight, from 1. 0: the last.")
+        int, typer.Option(min=0, help="Number of the survey in the flight, from 1; 0: the last.")
     ] = 0,
 ) -> None:
     """Draw the contour that a survey has flown, as the \\[contour] table of a site file.
 
-    Nothing else of the site file is changed. Exit code 2: the log holds no survey to draw by.
+    Nothing else of the site file is changed. Exit code 2: the log has no survey to draw it from.
     """
     from tgl_soar.analysis.logs.open_log import read_flight
     from tgl_soar.analysis.survey.contour_fit import SurveyError, drawn_contour

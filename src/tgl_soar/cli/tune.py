@@ -46,33 +46,36 @@ def tune_command(
         typer.Option("--out", "-o", help="Write gains, and their conditions, as TOML."),
     ] = Path("tuned.toml"),
     airframe_out: Annotated[
-        Path | None, typer.Option(help="Write the airframe file with these gains, too.")
+        Path | None, typer.Option(help="Also write the airframe file with these gains.")
     ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Figure of e_rho against margin and activity, PNG or SVG.")
     ] = None,
     site: Annotated[Path, typer.Option(help="Site to fly at.", **SITE_FILE)] = SITE,
     line: Annotated[
-        str | None, typer.Option(help="Line of the site to fly on; the site's own without.")
+        str | None, typer.Option(help="Line of the site to fly on. Default: the site's own.")
     ] = None,
     lean: Annotated[
         float | None,
-        typer.Option(help="Of the line that gains are sought on \\[degrees].", min=5.0, max=45.0),
+        typer.Option(
+            help="Lean of the line that gains are found for \\[degrees].", min=5.0, max=45.0
+        ),
     ] = None,
     own: Annotated[
         bool,
         typer.Option(
             "--own",
-            help="For this very aircraft: no margin is kept for others that a file may describe.",
+            help="For this aircraft only: keep no margin for others that a file may describe.",
         ),
     ] = False,
     floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.1, max=1.0)] = 0.5,
-    seed: Annotated[int, typer.Option(help="Of all that is drawn.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.", min=0)] = 1,
     workers: Annotated[
-        int, typer.Option(help="Processes; 0: none but this one.", min=0, max=256)
+        int, typer.Option(help="Processes; 0: only this one.", min=0, max=256)
     ] = os.cpu_count() or 1,
     flights: Annotated[
-        int | None, typer.Option(help="Aircraft flown to judge; 0: fly none.", min=0, max=1000)
+        int | None,
+        typer.Option(help="Aircraft that judge the gains in flight; 0: none.", min=0, max=1000),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="A few steps, no flights: to try the command.")
@@ -83,8 +86,8 @@ def tune_command(
 ) -> None:
     """Search for gains on the linear model, choose and judge them in flight, and write them.
 
-    If it is killed, it continues when the same version is run again. Beside the gains lies a
-    manifest of where they come from. Exit code 1: margins below the floor.
+    A command that was killed continues when the same version is run again. A manifest beside the
+    gains says where they come from. Exit code 1: margins below the floor.
     """
     _check_outputs(airframe, out, airframe_out)
     try:

@@ -43,15 +43,14 @@ def zeuc(
     airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     line: Annotated[
         list[str] | None,
-        typer.Option(
-            help="x,z,lean \\[m, m, deg]; may be repeated. The site's lines if not given."
-        ),
+        typer.Option(help="x,z,lean \\[m, m, deg]; repeatable. Default: the site's lines."),
     ] = None,
     lean: Annotated[
         float | None, typer.Option(help="Lean of all lines \\[deg], in place of their own.")
     ] = None,
     bounds: Annotated[
-        str, typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Of the site's air.")
+        str,
+        typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Default: the site's air."),
     ] = "",
     out: Annotated[Path, typer.Option(help="Figure, PNG or SVG; numbers beside it as JSON.")] = (
         Path("out/zeuc.png")

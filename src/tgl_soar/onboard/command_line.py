@@ -97,7 +97,12 @@ def _add_flight(add: Callable[..., Any]) -> None:
         metavar="S",
         help="give up if no autopilot answers in this time",
     )
-    add("--signing-key", type=Path, metavar="FILE", help="sign, and refuse what is not signed")
+    add(
+        "--signing-key",
+        type=Path,
+        metavar="FILE",
+        help="sign with this key, and refuse unsigned frames",
+    )
     add(
         "--unsigned-autopilot",
         action="store_true",
@@ -124,7 +129,7 @@ def _add_flight(add: Callable[..., Any]) -> None:
         type=_megabytes,
         default=LARGEST_BYTES,
         metavar="MB",
-        help="of all logs in that folder together, 10 at least: the oldest are deleted."
+        help="size of all logs in that folder, at least 10; beyond it the oldest are deleted."
         f" Default: {LARGEST_BYTES / 1e6:g}",
     )
 

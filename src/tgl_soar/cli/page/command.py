@@ -36,17 +36,22 @@ def page(
         str | None, typer.Option(metavar="LINK", help=f"To the module: {FORMS}.")
     ] = None,
     log: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A log, in the place of a flight.")
+        Path | None, typer.Option(metavar="FILE", help="Show this log instead of a flight.")
     ] = None,
     airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     site: Annotated[Path, typer.Option(help="Site file.", **SITE_FILE)] = SITE,
-    port: Annotated[int, typer.Option(help="Of the page; 0: any.", min=0, max=65535)] = PORT,
+    port: Annotated[
+        int, typer.Option(help="Port of the page; 0: any free one.", min=0, max=65535)
+    ] = PORT,
     host: Annotated[
-        str, typer.Option(help="Address to serve at; another than this computer's own opens it.")
+        str,
+        typer.Option(help="Address to serve at; one that is not local opens the page to others."),
     ] = "127.0.0.1",
     token: Annotated[
         str | None,
-        typer.Option(envvar="TGL_SOAR_PAGE_TOKEN", help="Of the address; a new one otherwise."),
+        typer.Option(
+            envvar="TGL_SOAR_PAGE_TOKEN", help="Token in the page's address; a new one by default."
+        ),
     ] = None,
     signing_key: Annotated[
         Path | None, typer.Option(help="Sign with the key of a file, as `tgl-soar run` does.")
