@@ -88,9 +88,9 @@ def faults(
     marks = drawn_faults.DISPERSED_MARKS if dispersion else drawn_faults.MARKS
     page = None if docs is None else page_to_write(docs, "safety.md", marks)
     if page is not None and model is not None:
-        fail("--docs goes without --model: the tables are of the airframe file's own")
+        fail("--docs goes without --model: the tables use the airframe file's model")
     if dispersion and model == FlightModel.POINT_MASS:
-        fail("--dispersion is of the rigid body: the point mass has no such figures")
+        fail("--dispersion needs the rigid body: the point mass has none of these figures")
     kind = None if model is None else model.kind
     jobs = drawn_faults.FaultJobs(
         flights=flights, dropouts=dropouts, seed=seed, model=kind, dispersed=dispersion
@@ -191,7 +191,7 @@ def _print_two(two: report.TwoCampaigns, first: Path, second: Path) -> None:
         shown.add_row(row.name, *cells, "apart" if row.is_apart else "")
     console.print(f"{two.of} {two.counted}, by {two.by or 'nothing'}")
     show(shown)
-    say("apart: the difference is not zero, at 95 %; of twenty that are alike one is by chance")
+    say("apart: differs from zero, at 95 %; by chance one in twenty equal pairs does, too")
     for path, names in zip((first, second), two.alone, strict=True):
         if names:
             say(f"in {path} alone: {', '.join(names)}")

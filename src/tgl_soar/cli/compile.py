@@ -55,7 +55,7 @@ def compile_command(
         typer.Option("--remove", help="Remove the native code; then the source is interpreted."),
     ] = False,
 ) -> None:
-    """Make native code of the flying modules; ticks are then more than twice as fast. Takes minutes.
+    """Make native code of the flying modules: ticks are then over twice as fast. It takes minutes.
 
     It is stored beside the package, or in the folder that TGL_SOAR_NATIVE names.
     """
@@ -91,7 +91,7 @@ def make(say: Callable[[str], None]) -> None:
         with native.trusted(base):
             pass
     except PermissionError as error:
-        raise CompileError(f"what is kept in {base} would not be flown: {error}") from None
+        raise CompileError(f"native code in {base} would not be used: {error}") from None
     with _alone(base), TemporaryDirectory(prefix=_WORK, dir=base) as name:
         work = Path(name)
         made = work / "made" / kept.name
@@ -207,7 +207,7 @@ def _check(base: Path, work: Path) -> None:
             raise CompileError(f"it cannot be loaded here: {said.partition('code: ')[2][:300]}")
     if flown["source"] != flown["native"]:
         raise CompileError(
-            "native code does not fly as its source does: it is not kept. The compiler is to blame"
+            "native code flies differently from its source, and is not kept: the compiler errs"
         )
 
 
@@ -221,7 +221,7 @@ def _flown(out: Path, kept: Path) -> bytes:
     try:
         fly(SitlOptions(AIRFRAME, SITE, out, stay_s=_STAY_S), lambda _operator: None)
     except SitlError as error:
-        raise CompileError(f"the flight that was to check it failed: {error}") from None
+        raise CompileError(f"the flight that should check it failed: {error}") from None
     finally:
         if before is None:
             del os.environ["TGL_SOAR_NATIVE"]

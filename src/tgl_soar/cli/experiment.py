@@ -221,7 +221,7 @@ def _refuse(
     if docs is not None and (name not in (*TOGETHER, *OWN_PAGES) or quick):
         names = ", ".join((*TOGETHER, *OWN_PAGES))
         fail(
-            f"--docs goes with {names}, without --quick: a page holds all of its experiments whole"
+            f"--docs goes with {names}, without --quick: a page has all of its experiments in full"
         )
     if docs is not None and name in OWN_PAGES:
         page_to_write(docs, OWN_PAGES[name], marks(name))

@@ -105,7 +105,7 @@ def identify_command(
         _draw(figure, found, log.name)
     if not found.explained >= EXPLAINED_MIN:
         fail(
-            f"of the manoeuvres held out the model explains {found.explained:.0%}:"
+            f"the model explains only {found.explained:.0%} of the manoeuvres held out:"
             " fly more doublets, larger ones, or in calmer air",
             1,
         )
@@ -142,7 +142,7 @@ def _print(found: Identified, gliding: Gliding, model: dict[str, float]) -> None
     if found.no_brake and model.get("CL_brake"):
         console.print(f"brake: {found.no_brake}", markup=False, highlight=False)
     if isfinite(found.explained):
-        console.print(f"the model explains {found.explained:.1%} of what was held out")
+        console.print(f"the model explains {found.explained:.1%} of the manoeuvres held out")
 
 
 def _write(out: Path, airframe: Path, found: Identified, gliding: Gliding) -> None:

@@ -79,7 +79,7 @@ def margins(
         fail(error)
     console.print(_table(rows, floor))
     if not is_ours:
-        say("of our own loops: on this route the firmware's hold the attitude, and ours rest")
+        say("these are our loops: on this route the firmware's hold the attitude instead")
     least = found.worst(rows)
     case = least.case
     say(

@@ -70,7 +70,7 @@ def list_(
         reported = f"{info.name}, NatNet {version}, {way}: {len(rows)} rigid bodies"
         console.print(reported, markup=False, highlight=False, soft_wrap=True)
     if not rows:
-        errors.print("frames come, and no rigid body is in them: see Motive's streaming pane")
+        errors.print("frames arrive without a rigid body: see Motive's streaming pane")
         raise typer.Exit(1)
     console.print(_table(rows))
 

@@ -141,9 +141,9 @@ def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:
         f" {len(findings)} parameters, {len(findings) - len(wrong)} as needed"
     )
     if not findings:
-        console.print("nothing of its set-up can be read over the link: see docs/hardware.md")
+        console.print("its set-up cannot be read over the link: see docs/hardware.md")
     if findings and not check.answers:
-        console.print("none of them has answered: does the link carry parameters?", style="red")
+        console.print("no parameter was answered: does the link carry parameters?", style="red")
     shown = findings if show_all else wrong
     if shown:
         table = Table("", "now", "what to do", "why")
@@ -165,8 +165,12 @@ def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:
     )
     unfit = [finding for finding in wrong if finding.requirement.level == MUST]
     if unfit or refusal or too_slow:
-        console.print("[red]not ready[/red]: change what stands above in red, then ask again")
+        console.print(
+            "[red]not ready[/red]: change what is shown above in red, then run this again"
+        )
         return 1
     if findings:
-        console.print("[green]ready[/green]" + (", though it could be better" if wrong else ""))
+        console.print(
+            "[green]ready[/green]" + (", though some parameters should be changed" if wrong else "")
+        )
     return 0

@@ -93,9 +93,11 @@ def rare(
     For comparison: plain flights (--plain), and Kramers' rate of falling out of the well.
     """
     if not available():
-        fail("splitting flies compiled: pip install 'tgl_soar[fast]'")
+        fail("splitting needs compiled flights: pip install 'tgl_soar[fast]'")
     if (out / RESULT).exists() and not (restart or resume):
-        fail(f"{out / RESULT}: an earlier run's; --restart writes over it, --out goes elsewhere")
+        fail(
+            f"{out / RESULT}: an earlier run's; --restart overwrites it, --out names another folder"
+        )
     to_resume(out / KEPT, resume)
     executor = executor_of(workers, scheduler)
     try:

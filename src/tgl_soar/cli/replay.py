@@ -126,7 +126,7 @@ def _replay_one(
             _from_wire(path, airframe or AIRFRAME, site or SITE, dict(changes))
             return
         if site is not None:
-            fail("--site is for a .tlog: a .ulg holds its own site file")
+            fail("--site is only for a .tlog: a .ulg contains its own site file")
         log = read(path)
         result = replay_log(
             log,
@@ -145,7 +145,7 @@ def _replay_one(
     if result.changed:
         _compare(result)
         if not result.differences:
-            console.print("no command differs: no tick of this flight was flown with what changed")
+            console.print("no command differs: no tick of this flight used the changed values")
     elif result.differences:
         _list_differences(result)
     else:
@@ -263,7 +263,7 @@ def _from_wire(path: Path, airframe: Path, site: Path, changes: dict[str, float]
     result: WireReplay = replay_wire(path, airframe, site, changes)
     _say(result.notes)
     if not result.outputs:
-        fail(f"{path}: not one tick came of it: no attitude of the airframe's autopilot is in it")
+        fail(f"{path}: no tick could be run: it has no attitude of the airframe's autopilot")
     ticks, speed = len(result.outputs), result.seconds / max(result.took_s, 1e-9)
     console.print(f"{ticks} ticks in {result.took_s:.2f} s, {speed:.1f} × the recording's time")
     table = Table("sent as telemetry", "unit", "times", "rms of then less now", "largest")

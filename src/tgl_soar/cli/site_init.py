@@ -152,7 +152,7 @@ def _tell(made: SiteDraft) -> None:
         f" at most {made.ground.above_m:.1f} m above the model's"
     )
     if place is None:
-        say("no level place to land before the slope within the profile: find one on foot")
+        say("no level place to land before the slope within the profile: look for one on the spot")
     else:
-        say(f"level before the slope: {place[0]:.5f}, {place[1]:.5f}; look at it on foot")
-    say("wind and contour are a guess by potential flow: correct them by what is flown")
+        say(f"level before the slope: {place[0]:.5f}, {place[1]:.5f}; inspect it on the spot")
+    say("wind and contour are guessed by potential flow: correct them from flights")

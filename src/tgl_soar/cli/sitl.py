@@ -304,10 +304,10 @@ def _check_autopilot(
 ) -> None:
     """Whether what was chosen of a firmware belongs to the one that is flown with."""
     if autopilot != SitlAutopilot.BUILTIN and programs[autopilot] is None:
-        fail(f"--autopilot {autopilot}: no program of it is named: {OBTAINED[autopilot]}")
+        fail(f"--autopilot {autopilot}: its program is not named: {OBTAINED[autopilot]}")
     if autopilot == SitlAutopilot.BUILTIN and route is not None:
         fail(
-            f"--route {route}: the bridge's own Pixhawk is commanded one way only; name a firmware"
+            f"--route {route}: the bridge's own Pixhawk has only one route; name a firmware"
             " by --autopilot px4 or --autopilot ardupilot, or leave it out"
         )
     for of in programs:
@@ -328,7 +328,7 @@ def _mocap_settings(
     """The stand-in's, as options of the bridge."""
     if given and not by_mocap:
         fail(
-            f"--mocap-option {given[0]}: no motion capture is flown with: add --mocap natnet, or"
+            f"--mocap-option {given[0]}: there is no motion capture: add --mocap natnet, or"
             " leave it out"
         )
     if by_mocap and autopilot == SitlAutopilot.PX4:

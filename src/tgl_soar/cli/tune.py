@@ -112,7 +112,7 @@ def tune_command(
     least = min(tuned.after.values(), key=lambda given: given.alpha)
     if least.alpha < floor:
         fail(
-            f"a margin of {least.alpha:.2f} is left, of {floor:g}: at {least.worst};"
+            f"the least margin is {least.alpha:.2f}, below {floor:g}: at {least.worst};"
             " narrow TGL_LEAN_MIN, TGL_LEAN_MAX, or make the link or the servo faster",
             1,
         )
