@@ -22,8 +22,8 @@ _HEAD: Final = f"""\
 This page is for operators and developers: every mode of the module, and every change of mode with
 its conditions and its reason. A diagram is in [architecture.md](architecture.md#the-modes).
 
-One table decides. In every tick the rows of the current mode are tried from top to bottom; the
-first is taken for which all conditions under *when* hold and none under *unless*. Its reason is
+One table decides. In every tick the rows of the current mode are tried from top to bottom. The
+first row is taken for which all conditions under *when* hold and none under *unless*. Its reason is
 sent as a `STATUSTEXT`: the new mode, a colon, and the reason. If no row fits, the mode stays.
 
 | number (`soar_mode`) | mode | commands the surfaces |
@@ -38,10 +38,10 @@ The supervisor itself measures how long a condition lasts:
 |---|---|
 | {CONDITION_TEXTS[supervisor.STILL_READY.bit_length() - 1]} | all entry checks have held within the last {supervisor.READY_S:g} s |
 | {CONDITION_TEXTS[supervisor.SETTLED.bit_length() - 1]} | the mode has lasted {supervisor.MINIMUM_S:g} s |
-| {CONDITION_TEXTS[supervisor.LONG_GAP.bit_length() - 1]} | it has held for {supervisor.LONG_GAP_S:g} s |
-| {CONDITION_TEXTS[supervisor.TIME_UP.bit_length() - 1]} | it has held for `AGE_POS_MAX`, or recovered for `REC_TIME` |
-| {CONDITION_TEXTS[supervisor.TROUBLED.bit_length() - 1]} | stalling, or too low, for {supervisor.TROUBLE_S:g} s |
-| {CONDITION_TEXTS[supervisor.CLEARED.bit_length() - 1]} | neither, by a margin, for {supervisor.CLEAR_S:g} s |
+| {CONDITION_TEXTS[supervisor.LONG_GAP.bit_length() - 1]} | *holding* has lasted {supervisor.LONG_GAP_S:g} s |
+| {CONDITION_TEXTS[supervisor.TIME_UP.bit_length() - 1]} | *holding* has lasted `AGE_POS_MAX`, or *recovering* `REC_TIME` |
+| {CONDITION_TEXTS[supervisor.TROUBLED.bit_length() - 1]} | the aircraft stalls, or is too low, for {supervisor.TROUBLE_S:g} s |
+| {CONDITION_TEXTS[supervisor.CLEARED.bit_length() - 1]} | it does neither, by a margin, for {supervisor.CLEAR_S:g} s |
 """  # noqa: E501
 
 
