@@ -88,9 +88,7 @@ def experiment(
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
     field: Annotated[
         Path | None,
-        typer.Option(
-            help="A site file, such as that of a CFD plane: `places` flies in its air too."
-        ),
+        typer.Option(help="A site file, as of a CFD plane: `places` flies in its air too."),
     ] = None,
     workers: Workers = ALL,
     scheduler: Scheduler = None,

@@ -60,12 +60,8 @@ KEPT: Final = "flights"  # of --out
 
 
 def rare(
-    turbulence: Annotated[
-        float, typer.Option(help="Intensity of turbulence.", min=0.001, max=0.5)
-    ] = 0.03,
-    seconds: Annotated[
-        float, typer.Option(help="Length of a flight [s].", min=1.0, max=3600.0)
-    ] = 60.0,
+    turbulence: Annotated[float, typer.Option(help="Its intensity.", min=0.001, max=0.5)] = 0.03,
+    seconds: Annotated[float, typer.Option(help="Flight time.", min=1.0, max=3600.0)] = 60.0,
     effort: Annotated[
         int, typer.Option(help="Trajectories at each level.", min=10, max=1_000_000)
     ] = 200,
@@ -73,9 +69,7 @@ def rare(
     plain: Annotated[
         int, typer.Option(help="Plain flights to compare with.", min=0, max=100_000_000)
     ] = 0,
-    line: Annotated[
-        str | None, typer.Option(help="Line of the site. Default: the site's own.")
-    ] = None,
+    line: Annotated[str | None, typer.Option(help="Line; default: the site's own.")] = None,
     airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
     site: Annotated[Path, typer.Option(help="Site to fly at.", **SITE_FILE)] = SITE,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.", min=0)] = 1,
@@ -95,9 +89,7 @@ def rare(
     if not available():
         fail("splitting needs compiled flights: pip install 'tgl_soar[fast]'")
     if (out / RESULT).exists() and not (restart or resume):
-        fail(
-            f"{out / RESULT}: an earlier run's; --restart overwrites it, --out names another folder"
-        )
+        fail(f"{out / RESULT}: an earlier run's; --restart overwrites it, or choose another --out")
     to_resume(out / KEPT, resume)
     executor = executor_of(workers, scheduler)
     try:

@@ -143,11 +143,11 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="TGL_HOLD", unit="", minimum=0, maximum=2, default=0,
-        meaning="0: the line alone, on which the aircraft slides to where updraft equals"
-                " sink; 1: hold a point of the line with the brake; 2: the same, but if the"
-                " brake stays at an end of its travel for long, the point moves along the"
-                " line until the brake is in the middle again. Only for an airframe with a"
-                " brake (BRK_…) and a route that commands it.",
+        meaning="0: the line alone, on which the aircraft slides to where updraft equals sink; 1:"
+                " hold a point of the line with the brake; 2: the same, but if the brake stays at"
+                " an end of its travel for long, the point moves along the line until the brake is"
+                " in the middle again. Only for an airframe with a brake (BRK_…) and a route that"
+                " commands it.",
         integer=True,
     ),
     Parameter(
@@ -190,9 +190,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="RHO_SPEED", unit="m/s", minimum=0, maximum=60, default=8.5,
-        meaning="Airspeed at which the gains RHO_… and ELE_… were found, for the schedule"
-                " over speed, lean, airframe and latency; below 1: no schedule, the gains"
-                " are used unchanged.",
+        meaning="Airspeed at which RHO_… and ELE_… were found, for the schedule over speed, lean,"
+                " airframe and latency; below 1: no schedule, the gains are used unchanged.",
     ),
     Parameter(
         name="RHO_P_IMU", unit="rad/m", minimum=0, maximum=5, default=0.0,
@@ -280,13 +279,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="ELE_LATE", unit="s", minimum=0.001, maximum=0.3, default=0.026,
-        meaning="Time from a tick to the elevator on that airframe: servo 18.5 ms, link 7.5"
-                " ms. A later elevator is flown with less gain, an earlier one with no more.",
+        meaning="Time from a tick to the elevator on that airframe: servo 18.5 ms, link 7.5 ms. A"
+                " later elevator is flown with less gain, an earlier one with no more.",
     ),
     Parameter(
         name="ELE_LAG", unit="s", minimum=0, maximum=0.3, default=0.0185,
-        meaning="The part of ELE_LATE that is the servo's time constant: it delays the loop"
-                " by half as much as a pure delay of that length.",
+        meaning="The part of ELE_LATE that is the servo's time constant: it delays the loop by"
+                " half as much as a pure delay of that length.",
     ),
     Parameter(
         name="ELE_TRIM", unit="", minimum=-1, maximum=1, default=0.0,
@@ -317,8 +316,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="DYN_LAG", unit="s", minimum=0, maximum=0.3, default=0.0185,
-        meaning="The part of DYN_SERVO that is the servo's time constant; the rest is pure"
-                " delay.",
+        meaning="The part of DYN_SERVO that is the servo's time constant; the rest is pure delay.",
     ),
     Parameter(
         name="DYN_PATH", unit="s", minimum=0, maximum=5, default=0.0,
@@ -363,15 +361,14 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # Filled in with the gains, where these follow from the airframe file.
     Parameter(
         name="LAT_SPEED", unit="m/s", minimum=0, maximum=60, default=8.5,
-        meaning="Airspeed at which AIL_P, AIL_I, AIL_D, RUD_P and RUD_D were found. In"
-                " faster air the surfaces do more, and are moved less; below 1: the gains"
-                " are used unchanged.",
+        meaning="Airspeed at which AIL_P, AIL_I, AIL_D, RUD_P and RUD_D were found. In faster air"
+                " the surfaces do more, and are moved less; below 1: the gains are used unchanged.",
     ),
     Parameter(
         name="LAT_LATE", unit="s", minimum=0, maximum=0.5, default=0.0,
-        meaning="Time from a tick to the surfaces for which these gains, SIDE_P and SIDE_I"
-                " were found. Slower surfaces (DYN_SERVO + CMD_DELAY) are flown with less"
-                " gain, faster ones with no more. 0: the time of this airframe.",
+        meaning="Time from a tick to the surfaces for which these gains, SIDE_P and SIDE_I were"
+                " found. Slower surfaces (DYN_SERVO + CMD_DELAY) are flown with less gain, faster"
+                " ones with no more. 0: the time of this airframe.",
     ),
     # --- heading -> rudder (eq. 18) ------------------------------------------------------
     Parameter(
@@ -546,9 +543,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # firmware's own position would not be used either.
     Parameter(
         name="GPS_ACC_H", unit="m", minimum=0, maximum=100, default=3.0,
-        meaning="Where the site's position is by latitude and longitude: engaging is"
-                " refused while the receiver reports a larger standard deviation of its"
-                " horizontal position. 0: any is accepted.",
+        meaning="Where the site's position is by latitude and longitude: engaging is refused"
+                " while the receiver reports a larger standard deviation of its place. 0: any.",
     ),
     Parameter(
         name="GPS_ACC_V", unit="m", minimum=0, maximum=100, default=5.0,
@@ -615,8 +611,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="AGE_POS_DR", unit="s", minimum=0, maximum=60, default=2.0,
         meaning="How long a position is used that the autopilot's estimator reports as dead"
-                " reckoned. After that it counts as lost (with ESC_AUTO 1 the module breaks"
-                " off).",
+                " reckoned. After that it counts as lost (with ESC_AUTO 1 the module breaks off).",
     ),
     Parameter(
         name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
@@ -652,23 +647,22 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the forecast ----------------------------------------------------------------------
     Parameter(
         name="FC_ACT", unit="", minimum=0, maximum=4, default=2,
-        meaning="What to do when no place to settle is foreseen on the line. 0: no"
-                " forecast; 1: only report it; 2: disengage, while soaring only in the last"
-                " second; 3: disengage at once; 4: search for a place elsewhere"
-                " (SRCH_START), and disengage where there is none; act as 2 where no search"
-                " can begin. It needs [model] in the airframe file.",
+        meaning="What to do when no place to settle is foreseen on the line. 0: no forecast; 1:"
+                " only report; 2: disengage, while soaring only in the last second; 3: disengage"
+                " at once; 4: search for a place (SRCH_START), and disengage where there is none;"
+                " as 2 where no search can begin. It needs [model] in the airframe file.",
         integer=True,
     ),
     Parameter(
         name="FC_CHANCE", unit="", minimum=0.001, maximum=0.5, default=0.05,
-        meaning="If the chance of a place to settle is below this, none is foreseen, on a"
-                " line that stands still.",
+        meaning="If the chance of a place to settle is below this, none is foreseen, on a line"
+                " that stands still.",
     ),
     Parameter(
         name="FC_TIME", unit="s", minimum=0, maximum=20, default=1.0,
-        meaning="When CLEAR_MIN or the fence is nearer in time than this, no place to"
-                " settle is foreseen if its chance is below one third, so that height to"
-                " land is left. 0: only FC_CHANCE decides.",
+        meaning="With less time than this to CLEAR_MIN or the fence, the chance of a place to"
+                " settle must be one third or more: height to land with. 0: only FC_CHANCE"
+                " decides.",
     ),
     # --- telemetry -----------------------------------------------------------------------
     Parameter(
@@ -703,16 +697,15 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="BRK_BIAS", unit="", minimum=0, maximum=1, default=0.5,
-        meaning="Fraction of the brake that is out without any disturbance, so that it acts"
-                " both ways. It costs that fraction of the sink that the full brake adds.",
+        meaning="Fraction of the brake that is out without any disturbance, so that it acts both"
+                " ways. It costs that fraction of the sink that the full brake adds.",
     ),
     # --- a propeller ----------------------------------------------------------------------
     Parameter(
         name="THR_BUDGET", unit="s", minimum=0, maximum=600, default=0,
-        meaning="Seconds of full throttle that a flight may use when no place to settle is"
-                " foreseen, the height for the way home is gone, or it sinks low; 0: none."
-                " Only for an airframe with a propeller, [surfaces.throttle]. Disarming"
-                " begins another flight.",
+        meaning="Full throttle that a flight may use when no place to settle is foreseen, the way"
+                " home's height is gone, or it sinks low; 0: none. Only for an airframe with a"
+                " propeller, [surfaces.throttle]. Disarming begins another flight.",
     ),
     Parameter(
         name="THR_MAX", unit="", minimum=0, maximum=1, default=1,
@@ -734,32 +727,30 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- the search for lift ---------------------------------------------------------------
     Parameter(
         name="SRCH_START", unit="", minimum=0, maximum=4, default=0,
-        meaning="1: search for a place to soar: while engaged the module moves the line"
-                " itself, in mode searching, and soars where it finds a place; 0: the line"
-                " goes on to where it was sent last. The module shows 2 while it claims to"
-                " soar; 3 when it has given up, which disengages, then 0; and 4 instead of 0"
-                " when FC_ACT is 4 and no search can begin by itself. Setting any TGL_"
-                " parameter ends a search. It needs a fence on every side, CLEAR_MIN,"
-                " [polar] and [model] in the airframe file.",
+        meaning="1: search for a place to soar: while engaged the module moves the line itself,"
+                " in mode searching, and soars where it finds one; 0: the line goes on to where it"
+                " was sent last. The module shows 2 while it claims to soar; 3 when it has given"
+                " up, which disengages, then 0; and 4 instead of 0 when FC_ACT is 4 and no search"
+                " can begin by itself. Setting any TGL_ parameter ends a search. It needs a fence"
+                " on every side, CLEAR_MIN, [polar] and [model].",
         integer=True, in_files=False,
     ),
     # --- the survey --------------------------------------------------------------------------
     Parameter(
         name="SRV_START", unit="", minimum=0, maximum=3, default=0,
         meaning="1: survey the contour: while soaring, the module slides the line slowly"
-                " downstream until a limit stops it, back past the start to the other end,"
-                " and home; `tgl-soar survey` draws the contour from the log. The module"
-                " shows 2 on the way upstream, 3 on the way home, and 0 when it has ended. 0"
-                " stops the line where it is; setting any TGL_ parameter ends a survey. It"
-                " needs a fence on every side, the forecast (FC_ACT), [polar] and [model] in"
-                " the airframe file.",
+                " downstream until a limit stops it, back past the start to the other end, and"
+                " home; `tgl-soar survey` draws the contour from the log. The module shows 2 on"
+                " the way upstream, 3 on the way home, and 0 when it has ended. 0 stops the line"
+                " where it is; setting any TGL_ parameter ends a survey. It needs a fence on every"
+                " side, the forecast (FC_ACT), [polar] and [model] in the airframe file.",
         integer=True, in_files=False,
     ),
     # 3.5 m of contour there and back, the line moving 0.9 m for each metre of it, in 105 s.
     Parameter(
         name="SRV_SPEED", unit="m/s", minimum=0.01, maximum=1.0, default=0.06,
-        meaning="As TGL_SLEW, while a survey moves the line. The aircraft lags by about"
-                " half of this speed divided by the rate at which it returns to its place.",
+        meaning="As TGL_SLEW, while a survey moves the line. The aircraft lags by about half of"
+                " this speed divided by the rate at which it returns to its place.",
     ),
     Parameter(
         name="SRV_REACH", unit="m", minimum=0.1, maximum=500, default=5.0,
@@ -768,20 +759,18 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- from the hand to the line ---------------------------------------------------------
     Parameter(
         name="LNC_START", unit="", minimum=0, maximum=1, default=0,
-        meaning="1: the next engagement is a launch from the hand: the module holds the"
-                " attitude, waits for the throw, gains speed and glides to the line, in mode"
-                " launching. While the aircraft is in the hand, airspeed and clearance are"
-                " not checked. It is 0 again when the launch has ended, after any flight,"
-                " and after 60 s without an engagement; setting 0 before the throw calls it"
-                " off.",
+        meaning="1: the next engagement is a launch from the hand: the module holds the attitude,"
+                " waits for the throw, gains speed and glides to the line, in mode launching."
+                " While the aircraft is in the hand, airspeed and clearance are not checked. It is"
+                " 0 again when the launch has ended, after any flight, and after 60 s without an"
+                " engagement; setting 0 before the throw calls it off.",
         integer=True, in_files=False,
     ),
     Parameter(
         name="LNC_SPEED", unit="m/s", minimum=0.1, maximum=10, default=1.5,
-        meaning="The aircraft counts as thrown when it is faster than this, by its velocity"
-                " over the ground or by the push that its accelerometers measure. Choose"
-                " more than walking speed; for an aircraft that is only released, as in a"
-                " tunnel, 0.3.",
+        meaning="The aircraft counts as thrown when it is faster than this, by its velocity over"
+                " the ground or by the push that its accelerometers measure. Choose more than"
+                " walking speed; for an aircraft that is only released, as in a tunnel, 0.3.",
     ),
     Parameter(
         name="LNC_WAIT", unit="s", minimum=1, maximum=600, default=60,
@@ -798,16 +787,15 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="LNC_ACCEL", unit="m/s^2", minimum=0.05, maximum=5, default=1.5,
-        meaning="As TGL_ACCEL, after a throw: the speed of the throw is turned into height"
-                " with it. The nose comes up by a tenth of it in radians.",
+        meaning="As TGL_ACCEL, after a throw: the speed of the throw is turned into height with"
+                " it. The nose comes up by a tenth of it in radians.",
     ),
     # --- home --------------------------------------------------------------------------------
     Parameter(
         name="ESC_START", unit="", minimum=0, maximum=2, default=0,
-        meaning="1: break off, away from the slope, and land; 2: soar on, from breaking off"
-                " or landing, and do not break off by itself; 0: neither. 1 is refused"
-                " unless in control, and goes back to 0 a second after the module has broken"
-                " off; 2 goes back to 0 after the flight.",
+        meaning="1: break off, away from the slope, and land; 2: soar on, from breaking off or"
+                " landing, and do not break off by itself; 0: neither. 1 is refused unless in"
+                " control, and is 0 again a second after breaking off began; 2, after the flight.",
         integer=True, in_files=False,
     ),
     Parameter(
@@ -821,8 +809,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # To gain 2 m/s over a wind of 8 takes (10^2 - 8^2) / 2g = 1.8 m, and a second of dive another.
     Parameter(
         name="ESC_CLEAR", unit="m", minimum=0, maximum=50, default=3.0,
-        meaning="With ESC_AUTO 1 the module breaks off when it soars nearer to the ground"
-                " than this.",
+        meaning="With ESC_AUTO 1 it breaks off when soaring nearer to the ground than this.",
     ),
     Parameter(
         name="ESC_SPARE", unit="m", minimum=0, maximum=50, default=1.0,
@@ -830,14 +817,12 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="ESC_SIGMA", unit="", minimum=0, maximum=5, default=2.0,
-        meaning="Standard deviations of the estimated wind that are added to it for the way"
-                " home.",
+        meaning="Standard deviations of the estimated wind that are added to it for the way home.",
     ),
     Parameter(
         name="ESC_WIND", unit="", minimum=0.3, maximum=1.5, default=1.0,
-        meaning="Wind on the way home, divided by the wind at the aircraft. A slope makes"
-                " the wind stronger where the aircraft soars: set this in the site file to"
-                " the undisturbed wind divided by the wind at the line.",
+        meaning="Wind on the way home, divided by that at the aircraft. A slope makes it stronger"
+                " at the line: set this to the undisturbed wind divided by the line's.",
     ),
     Parameter(
         name="ESC_BEAR", unit="deg", minimum=-360, maximum=360, default=0,
@@ -852,15 +837,13 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     # --- beating -----------------------------------------------------------------------------
     Parameter(
         name="BEAT_START", unit="", minimum=0, maximum=1, default=0,
-        meaning="1: beat along the ridge, to and fro in the line's plane; 0: back to the"
-                " line, with BEAT_AUTO 1 once the wind is fast enough to hover in. 1 is"
-                " refused unless in control.",
+        meaning="1: beat along the ridge, to and fro in the line's plane; 0: back to the line,"
+                " with BEAT_AUTO 1 once the wind is fast enough. 1 is refused unless in control.",
         integer=True, in_files=False,
     ),
     Parameter(
         name="BEAT_AUTO", unit="", minimum=0, maximum=2, default=0,
-        meaning="0: never beat by itself; 1: beat where the wind is too slow to hover in;"
-                " 2: also where it comes from beyond VEER_MAX.",
+        meaning="1: beat where the wind is too slow to hover in; 2: or beyond VEER_MAX; 0: never.",
         integer=True,
     ),
     Parameter(
