@@ -154,7 +154,7 @@ _PASSING: Final = {
     "imu": "accelerations and rates",
     "airspeed": "airspeeds",
     "all": "measurements",
-    "link": "datagrams, both ways",
+    "link": "datagrams of both directions",
 }
 _GAP_S: Final = {"attitude": _for(0.2, 0.02, 1.0), "all": _for(0.2, 0.02, 1.0)}
 
@@ -173,7 +173,7 @@ def _ways(of: str, passing: str) -> list[FaultKind]:
         ),
         FaultKind(
             f"{of}.jitter",
-            f"{passing} arrive later, each by another time",
+            f"{passing} arrive later, each by a time of its own",
             (_START, lasting, _late(0.05, 0.01, 0.2, "at most")),
         ),
         FaultKind(
@@ -236,8 +236,10 @@ def _errors(
         what="standard deviation",
     )
     return [
-        FaultKind(f"{of}.bias", f"{passing} are wrong by as much", (_START, lasting, *offsets)),
-        FaultKind(f"{of}.noise", f"{passing} are noisy, each axis alike", (_START, lasting, sigma)),
+        FaultKind(f"{of}.bias", f"{passing} are off by a constant", (_START, lasting, *offsets)),
+        FaultKind(
+            f"{of}.noise", f"{passing} have noise, the same on each axis", (_START, lasting, sigma)
+        ),
     ]
 
 
@@ -271,7 +273,7 @@ _OF_THE_BRAKE: Final = (
     *_servo("brake"),
     FaultKind(
         "brake.one_side",
-        "one half of the brake stays where it is, and the other one goes on",
+        "one half of the brake stays where it is, and the other half works",
         (
             _START,
             _SERVO_FOR,
@@ -294,17 +296,17 @@ _OF_THE_BRAKE: Final = (
 _OF_A_FIRMWARE: Final = (
     FaultKind(
         "transmitter.silent",
-        "the pilot's receiver has no signal and sends no pulses (a real firmware's)",
+        "the pilot's receiver has no signal and sends no pulses (real firmwares only)",
         (_START, _for(3.0, 0.5, 10.0)),
     ),
     FaultKind(
         "transmitter.failsafe",
-        "the pilot's receiver has no signal: sticks centred, throttle low (a real firmware's)",
+        "the pilot's receiver has no signal: sticks centred, throttle low (real firmwares only)",
         (_START, _for(3.0, 0.5, 10.0)),
     ),
     FaultKind(
         "station.silent",
-        "nothing of any ground station arrives (at a real firmware)",
+        "no message of any ground station arrives (real firmwares only)",
         (_START, _for(10.0, 5.0, 30.0)),
     ),
 )
@@ -325,7 +327,7 @@ def _drift(axis: str, default: float) -> Number:
 # g times a tilt that is 0.2 deg off is 0.03 m/s^2; EKF3 says so after 7 s.
 _RECKONED: Final = FaultKind(
     "position.reckoned",
-    "no fixes: the autopilot's estimator dead reckons, says so late, and is reset in the end",
+    "no fixes: the autopilot's estimator dead reckons, reports it late, and is reset at the end",
     (
         _START,
         _for(15.0, 1.0, 30.0),
@@ -365,7 +367,7 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
     FaultKind("rangefinder.dropout", f"no {_RANGES} arrive", (_START, _for(3.0, 0.5, 10.0))),
     FaultKind(
         "link.corrupt",
-        "bits of some datagrams are turned, both ways",
+        "bits of some datagrams of both directions are inverted",
         (_START, _for(3.0, 0.5, 6.0), _fraction(0.2, 0.02, 0.6)),
     ),
     FaultKind("link.down", "nothing of the autopilot arrives", (_START, _for(0.3, 0.02, 4.0))),
@@ -416,7 +418,7 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
     ),
     FaultKind(
         "air.stop",
-        "the wind falls to a share of itself, and comes back",
+        "the wind falls to a fraction of itself, and comes back",
         (
             _START,
             _for(2.0, 0.2, 6.0),
@@ -447,11 +449,11 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
     ),
     FaultKind(
         "autopilot.second",
-        "another autopilot with the same system id sends, elsewhere",
+        "another autopilot with the same system id sends, from elsewhere",
         (_START, _for(2.0, 0.1, 6.0)),
     ),
     FaultKind(
-        "pilot.takes", "the pilot takes the aircraft by the mode", (_START, _for(5.0, 0.5, 6.0))
+        "pilot.takes", "the pilot takes over by the mode switch", (_START, _for(5.0, 0.5, 6.0))
     ),
 )
 
