@@ -159,13 +159,13 @@ def table(figures: Sequence[Figure], seconds: float) -> str:
 
 def draw(path: Path, curves: dict[str, list[float]], ours: float) -> None:
     """The rewards of the generations.  Errors: ImportError without matplotlib."""
-    from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+    from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
     with drawing() as plt:
         shown, axis = plt.subplots(figsize=(7.0, 3.6), layout="constrained")
-        for (name, curve), colour in zip(curves.items(), LEG_COLOURS[1:], strict=False):
+        for (name, curve), colour in zip(curves.items(), PALETTE[1:], strict=False):
             axis.plot(range(1, len(curve) + 1), curve, color=colour, label=f"CMA-ES, {name}")
-        axis.axhline(ours, color=LEG_COLOURS[0], label=OURS)
+        axis.axhline(ours, color=PALETTE[0], label=OURS)
         axis.set_xlabel("generation")
         axis.set_ylabel("reward of an episode")
         axis.set_ylim(bottom=0.0)

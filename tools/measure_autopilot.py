@@ -42,7 +42,7 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.analysis.logs.ulog_reader import read_log
-from tgl_soar.analysis.report.style import drawing, save
+from tgl_soar.analysis.report.figure_style import drawing, save
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.link.autopilots import flavour
 from tgl_soar.link.encoder import Encoder

@@ -262,7 +262,7 @@ def report(found: Sequence[Timed], looks: Sequence[Look], task: int) -> str:
 
 def draw(path: Path, found: Sequence[Timed], looks: Sequence[Look]) -> None:
     """Flights a second against workers, and the parent's memory."""
-    from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+    from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
     rates = medians(found)
     curves = {
@@ -272,7 +272,7 @@ def draw(path: Path, found: Sequence[Timed], looks: Sequence[Look]) -> None:
     }
     with drawing() as plt:
         figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.4), layout="constrained")
-        for (label, names), colour in zip(curves.items(), LEG_COLOURS, strict=False):
+        for (label, names), colour in zip(curves.items(), PALETTE, strict=False):
             left.plot((1, 2), [rates[n] for n in names], "o-", color=colour, label=label)
         one = rates["local, 1 worker"]
         left.plot((1, 2), (one, 2.0 * one), "--", color="grey", lw=0.8, label="twice one")
@@ -281,7 +281,7 @@ def draw(path: Path, found: Sequence[Timed], looks: Sequence[Look]) -> None:
         left.set_ylabel("flights of 30 s a second")
         left.set_ylim(bottom=0.0)
         left.legend()
-        right.plot([x.flown for x in looks], [x.resident_mib for x in looks], color=LEG_COLOURS[1])
+        right.plot([x.flown for x in looks], [x.resident_mib for x in looks], color=PALETTE[1])
         right.set_xlabel("flights kept")
         right.set_ylabel("memory of the parent [MiB]")
         right.set_ylim(0.0, 1.2 * max((x.resident_mib for x in looks), default=1.0))

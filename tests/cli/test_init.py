@@ -24,7 +24,7 @@ from tgl_soar.cli.app import app
 from tgl_soar.cli.log_layouts import foxglove, plotjuggler
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, manual, shipped_names
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
-from tgl_soar.link.transport import check_link
+from tgl_soar.link.open_link import check_link
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard import process
 
@@ -107,7 +107,7 @@ def test_what_flies_takes_the_folder(folder: Path, command: str, code: int, repo
 
 
 def test_the_layouts_are_those_of_the_log(folder: Path) -> None:
-    """tests/onboard/flightlog/test_layouts.py holds them against one."""
+    """tests/cli/test_log_layouts.py holds them against one."""
     assert (folder / "plotjuggler.xml").read_text() == plotjuggler()
     assert (folder / "foxglove.json").read_text() == foxglove()
 

@@ -28,7 +28,7 @@ from tgl_soar.link.messages import (
     Source,
     StatusText,
 )
-from tgl_soar.link.parameters import ParameterServer
+from tgl_soar.link.parameter_server import ParameterServer
 from tgl_soar.types import NO_GROUND
 
 A, B, C = PresetLine("a", 0.2, 1.15, 15), PresetLine("b", 0.6, 1.6, 15), PresetLine("c", 1, 2, 20)

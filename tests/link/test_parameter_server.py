@@ -22,7 +22,7 @@ from tgl_soar.link.messages import (
     Source,
     StatusText,
 )
-from tgl_soar.link.parameters import HASH, VALUES_PER_POLL, VALUES_PER_S, ParameterServer
+from tgl_soar.link.parameter_server import HASH, VALUES_PER_POLL, VALUES_PER_S, ParameterServer
 from tgl_soar.link.telemetry import StatusTexts
 
 OWN = Source(1, 191)

@@ -9,7 +9,7 @@ import pytest
 from tgl_soar.link.commands import CommandCounters
 from tgl_soar.link.decoder import DecoderCounters
 from tgl_soar.link.natnet.diagnostics import OptitrackCounters
-from tgl_soar.link.parameters import ParameterCounters
+from tgl_soar.link.parameter_server import ParameterCounters
 from tgl_soar.link.signing import SigningCounters
 from tgl_soar.link.transports.base import LinkCounters
 from tgl_soar.link.vehicle.diagnostics import SessionCounters

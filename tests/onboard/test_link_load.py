@@ -16,7 +16,7 @@ from module_process import AIRFRAME, SITE, arguments
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site
-from tgl_soar.link.transport import baud_of
+from tgl_soar.link.open_link import baud_of
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard import process
 from tgl_soar.onboard.link_load import RATES_BAUD, USED_MAX, LineLoad, load_of

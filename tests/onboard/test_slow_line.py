@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_module import STEP_S, Flight, setup, texts
 
 from tgl_soar.control.supervisor import CAPTURING, SOARING
-from tgl_soar.link.transport import open_link
+from tgl_soar.link.open_link import open_link
 from tgl_soar.link.transports.serial_line import COMMAND_LATE_S, OTHERS_LATE_S, SerialLink
 from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.surface_control import LONGEST_FRAME, RELEASE_FRAMES

@@ -21,10 +21,10 @@ from tgl_soar.link.messages import (
     Outbound,
     Source,
 )
+from tgl_soar.link.open_link import open_link
 from tgl_soar.link.routing import Route
 from tgl_soar.link.session import HEARTBEAT_S
 from tgl_soar.link.signing_keys import Secret, peers_of, signing_from
-from tgl_soar.link.transport import open_link
 from tgl_soar.onboard.setup import commanding_source
 
 LOOK_S: Final = 0.02

@@ -20,7 +20,7 @@ from tgl_soar.cli.service_unit import hidden, unit
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, shipped, shipped_names
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
-from tgl_soar.link.transport import check_link
+from tgl_soar.link.open_link import check_link
 from tgl_soar.link.transports.base import LinkError
 
 LINK: Final = "serial:/dev/ttyAMA0:921600"

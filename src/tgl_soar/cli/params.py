@@ -24,7 +24,7 @@ from tgl_soar.config.parameter_files import (
     shortest,
     written,
 )
-from tgl_soar.config.parameter_groups import GROUPS
+from tgl_soar.config.parameter_groups import GROUPS, group_of
 from tgl_soar.config.parameter_store import (
     Identity,
     ParameterStore,
@@ -71,7 +71,7 @@ def params(
     for group in GROUPS:
         table = Table("name", "unit", "from", "to", "default", "in flight", "meaning", box=None)
         for p in PARAMETERS:
-            if p.name.partition("_")[0] in group.prefixes:
+            if group_of(p.name) is group:
                 table.add_row(
                     p.name,
                     p.unit,

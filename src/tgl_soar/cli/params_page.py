@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tgl_soar.config.parameter_groups import GROUPS
+from tgl_soar.config.parameter_groups import GROUPS, group_of
 from tgl_soar.config.parameters import PARAMETERS, Parameter
 
 _HEAD: Final = """\
@@ -107,7 +107,7 @@ def page() -> str:
     """The whole page."""
     parts = [_HEAD]
     for group in GROUPS:
-        rows = [_row(p) for p in PARAMETERS if p.name.partition("_")[0] in group.prefixes]
+        rows = [_row(p) for p in PARAMETERS if group_of(p.name) is group]
         parts.append(
             "\n".join(
                 [

@@ -19,8 +19,8 @@ from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.link.autopilots.requirements import MUST, remedy
 from tgl_soar.link.checks.preflight import Preflight
+from tgl_soar.link.open_link import baud_of
 from tgl_soar.link.signing_keys import SigningError
-from tgl_soar.link.transport import baud_of
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.link_load import load_of
 from tgl_soar.onboard.setup import bounds_from, flavour_of, needs_of, setup_from

@@ -431,9 +431,9 @@ def newest_log(folder: Path) -> Path | None:
 def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     """The flight in the vertical plane, as it truly was.  Errors: ImportError."""
     from tgl_soar.analysis.logs.flight_data import FlightData, Series
+    from tgl_soar.analysis.report.figure_style import drawing, save
     from tgl_soar.analysis.report.flight_report_figures import Surroundings, plane_figure
     from tgl_soar.analysis.report.legs import ReportLeg
-    from tgl_soar.analysis.report.style import drawing, save
     from tgl_soar.sim.world import ground_outline, site_field
 
     site = load_site(options.site)

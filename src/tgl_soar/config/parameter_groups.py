@@ -102,3 +102,11 @@ GROUPS: Final[tuple[Group, ...]] = (
         "The way home without a propeller, and the height that it needs.",
     ),
 )  # fmt: skip
+
+
+def group_of(name: str) -> Group:
+    """The group of a parameter.  Errors: KeyError for one that has none."""
+    for group in GROUPS:
+        if name.partition("_")[0] in group.prefixes:
+            return group
+    raise KeyError(name)

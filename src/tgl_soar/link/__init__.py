@@ -1,7 +1,7 @@
 """Talking to autopilots, ground stations and motion capture.
 
 Bytes and messages
-  transport            a link by its name;  transports/: UDP, TCP, serial lines
+  open_link            a link by its name;  transports/: UDP, TCP, serial lines
   frames, decoder      bytes to messages;  inbound_messages: those that pymavlink parses
   encoder              messages to bytes;  outbound_messages: those that pymavlink packs
   hot_frames           the messages of every tick, read and written at fixed offsets
@@ -30,7 +30,7 @@ Position
 Ground stations
   commands             engage, release, abort; what else may be asked by command
   engagement           an abort, and the pilot's switch
-  parameters           the MAVLink parameter server
+  parameter_server     the MAVLink parameter server
   telemetry            texts and numbers within a budget of bytes
   presence             our heartbeat, and duplicates of this module
   component_metadata   what parameters mean, as files;  file_transfer: sends these and no others

@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 
 from tgl_soar.config.files import airframe_file, site_file
 from tgl_soar.config.parameter_store import state_folder
+from tgl_soar.link.open_link import FORMS
 from tgl_soar.link.signing_keys import UNSIGNED, Secret
-from tgl_soar.link.transport import FORMS
 from tgl_soar.onboard import pacing, realtime
 from tgl_soar.onboard.flightlog.writer import LARGEST_BYTES
 

@@ -33,9 +33,9 @@ from tgl_soar.control.line_bounds import open_sides
 from tgl_soar.control.supervisor_texts import MODE_NAMES, REASON_TEXTS
 from tgl_soar.link.messages import SEVERITY_ERROR, SEVERITY_NOTICE, SEVERITY_WARNING
 from tgl_soar.link.natnet.sockets import NatNetError, NatNetNotReadyError
+from tgl_soar.link.open_link import baud_of, is_open
 from tgl_soar.link.signing import Signing
 from tgl_soar.link.signing_keys import SigningError, keep_timestamp, save_key, signing_from
-from tgl_soar.link.transport import baud_of, is_open
 from tgl_soar.link.transports.base import LinkError, LinkNotReadyError, Transport
 from tgl_soar.onboard import link_load, loop, native, realtime, watchdog
 from tgl_soar.onboard.command_line import RunOptions, options_of

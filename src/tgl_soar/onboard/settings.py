@@ -11,7 +11,7 @@ from typing import Final
 from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.link.engagement import Engagement
 from tgl_soar.link.messages import ID_RC_CHANNELS
-from tgl_soar.link.parameters import ParameterServer
+from tgl_soar.link.parameter_server import ParameterServer
 from tgl_soar.link.session import Session
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder

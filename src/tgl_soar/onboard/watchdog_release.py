@@ -11,12 +11,12 @@ from typing import Final
 
 from tgl_soar.link.messages import COMPONENT_AUTOPILOT, SEVERITY_CRITICAL, Heartbeat, Source
 from tgl_soar.link.mode_change import ModeChange
+from tgl_soar.link.open_link import open_link
 from tgl_soar.link.presence import Presence
 from tgl_soar.link.routing import Route
 from tgl_soar.link.signing import TICKS_PER_S, Signing
 from tgl_soar.link.signing_keys import peers_of
 from tgl_soar.link.telemetry import StatusTexts
-from tgl_soar.link.transport import open_link
 from tgl_soar.link.transports.base import LinkError, Transport
 from tgl_soar.link.transports.udp import UdpListener
 from tgl_soar.onboard import realtime

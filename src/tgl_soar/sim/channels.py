@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from tgl_soar.config.airframe import Surface, Surfaces, Throttle
-from tgl_soar.link.autopilots.mixing import mixed, unmixed
+from tgl_soar.link.autopilots.aileron_brake_mixing import mixed, unmixed
 from tgl_soar.types import SurfaceCommand
 
 CHANNELS: Final = 18

@@ -23,7 +23,7 @@ from tgl_soar.cli.page.scene import place_of
 from tgl_soar.cli.page.station import Station
 from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import PARAMETERS
-from tgl_soar.link.transport import LinkCounters
+from tgl_soar.link.open_link import LinkCounters
 
 
 class Memory(NamedTuple):

@@ -29,6 +29,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_site, shipped
 from tgl_soar.config.line_changes import contour_place
+from tgl_soar.config.parameter_groups import group_of
+from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.link.frames import first_frame
 
 pytest.importorskip("starlette", reason="the extra `page` is not installed")
@@ -393,6 +395,24 @@ def test_a_wrong_token_and_a_dead_server_are_reported(
     now_s = flying.flown.simulation.time_s
     flying.until(lambda flown: flown.simulation.time_s > now_s + 3.0)
     assert flying.flown.mode == SOARING
+    window.close()
+
+
+def test_parameters_stand_under_the_topics_that_the_manual_has(
+    browser: Any, flight: tuple[Flying, Served]
+) -> None:
+    _, served = flight
+    window = Window(browser, served.address).loaded()
+    listed = window.value(
+        "[...document.querySelectorAll('#parameter-list section')].map((section) => ["
+        "section.querySelector('h3').textContent,"
+        "[...section.querySelectorAll('code')].map((name) => name.textContent)])"
+    )
+    wanted: dict[str, list[str]] = {}
+    for parameter in PARAMETERS:
+        wanted.setdefault(group_of(parameter.name).title, []).append(parameter.name)
+    assert dict(listed) == wanted
+    assert len(listed) == len(wanted)
     window.close()
 
 

@@ -19,7 +19,7 @@ from tgl_soar.cli.page.station import ROW, Station, number, without_others
 from tgl_soar.config.files import load_airframe, load_parameters, load_site
 from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.link.messages import PARAM_TYPE_REAL32
-from tgl_soar.link.transport import LinkCounters
+from tgl_soar.link.open_link import LinkCounters
 from tgl_soar.onboard.telemetry_values import ARRAY, ARRAY_NAME, FAST, SLOW
 
 KEY = bytes(range(32))

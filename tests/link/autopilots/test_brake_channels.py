@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, airframe_from, load_airframe, shipped
+from tgl_soar.link.autopilots.aileron_brake_mixing import mixed, unmixed
 from tgl_soar.link.autopilots.base import Flavour, deflections
-from tgl_soar.link.autopilots.mixing import mixed, unmixed
 from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.onboard.setup import flavour_of, surface_channels
 from tgl_soar.sim.channels import command_of, deflections_of

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.decoder import Decoder
 from tgl_soar.link.messages import AttitudeQuaternion, Heartbeat
-from tgl_soar.link.transport import open_link
+from tgl_soar.link.open_link import open_link
 from tgl_soar.link.transports.base import Transport
 from tgl_soar.link.transports.byte_stream import RETRY_S
 from tgl_soar.link.transports.serial_line import SerialLink

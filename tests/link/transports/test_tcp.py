@@ -3,7 +3,7 @@
 import select
 import socket
 
-from tgl_soar.link.transport import open_link
+from tgl_soar.link.open_link import open_link
 from tgl_soar.link.transports.base import Transport
 from tgl_soar.link.transports.tcp import OTHERS_BYTES, TcpLink
 

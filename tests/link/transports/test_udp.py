@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from free_ports import free_port
 
-from tgl_soar.link.transport import open_link
+from tgl_soar.link.open_link import open_link
 from tgl_soar.link.transports.base import MAX_DATAGRAMS, LinkNotReadyError, Transport
 from tgl_soar.link.transports.udp import PEER_SILENCE_S, STRANGERS, UdpListener, UdpSpeaker
 

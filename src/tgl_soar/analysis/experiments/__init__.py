@@ -7,7 +7,7 @@
   spread_along_line    how far turbulence moves an aircraft along its line, by theory
   pages, staleness     docs/experiments.md and docs/aims.md;  whether they are of today's laws
 
-Their files begin with the names by which `tgl-soar experiment` flies them:
+The first line of each file has the names by which `tgl-soar experiment` flies it:
   paper/               the paper's own
   loop/                what the loops bear: leans, latency, margins
   aircraft/            other aircraft than that of the file;  a model from a glide's log

@@ -5,5 +5,5 @@ A figure is in the file that its name says: `field_figure`, `polar_figure`, … 
   flight_report_figures    its figures
   legs, streams        tables of the page: how the line was held;  how regularly streams came
   spectra              power spectra of what was logged
-  style                how every figure looks;  smooth_map: maps without a grid's edge
+  figure_style         how every figure looks;  smooth_map: maps without a grid's edge
 """

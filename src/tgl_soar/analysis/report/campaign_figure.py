@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.campaigns.report import Report, TwoCampaigns
@@ -33,7 +33,7 @@ def two_campaigns_figure(path: Path, two: TwoCampaigns, names: tuple[str, str]) 
     with drawing() as plt:
         height = 1.2 + 0.22 * len(two.rows)
         figure, axes = plt.subplots(figsize=(9.0, height), layout="constrained")
-        for i, (name, colour) in enumerate(zip(names, LEG_COLOURS, strict=False)):
+        for i, (name, colour) in enumerate(zip(names, PALETTE, strict=False)):
             places = [place + (i - 0.5) * 0.3 for place in range(len(two.rows))]
             fractions = [row.fractions[i] for row in two.rows]
             for place, fraction in zip(places, fractions, strict=True):
@@ -56,8 +56,8 @@ def _draw_fractions(axes: Any, report: Report) -> None:
     left = [0.0] * len(report.groups)
     for i, name in enumerate(report.classes):
         widths = [100.0 * group.classes[name] / group.flights for group in report.groups]
-        colour = LEG_COLOURS[(i + 2) % len(LEG_COLOURS)]
-        hatch = "//" if i >= len(LEG_COLOURS) else None
+        colour = PALETTE[(i + 2) % len(PALETTE)]
+        hatch = "//" if i >= len(PALETTE) else None
         axes.barh(range(len(widths)), widths, left=left, label=name, color=colour, hatch=hatch)
         left = [a + b for a, b in zip(left, widths, strict=True)]
     axes.set_xlim(0.0, 100.0)
@@ -68,6 +68,6 @@ def _draw_fractions(axes: Any, report: Report) -> None:
 def _draw_spreads(axes: Any, report: Report) -> None:
     for i, group in enumerate(report.groups):
         low, middle, high = group.spread().quantiles
-        axes.plot((low, high), (i, i), color=LEG_COLOURS[1], lw=3.0, solid_capstyle="butt")
-        axes.plot(middle, i, "o", color=LEG_COLOURS[0], ms=4.0)
+        axes.plot((low, high), (i, i), color=PALETTE[1], lw=3.0, solid_capstyle="butt")
+        axes.plot(middle, i, "o", color=PALETTE[0], ms=4.0)
     axes.set_xlabel(f"{report.of}: from 5 to 95 % of the flights, and half of them")

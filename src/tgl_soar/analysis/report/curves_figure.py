@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from tgl_soar.analysis.report.style import drawing, save
+from tgl_soar.analysis.report.figure_style import drawing, save
 
 
 @dataclass(frozen=True)

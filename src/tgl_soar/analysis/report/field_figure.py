@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour
+from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, drawing, save
 from tgl_soar.analysis.report.smooth_map import draw_smooth_map
-from tgl_soar.analysis.report.style import GROUND, LEG_COLOURS, drawing, save
 from tgl_soar.analysis.report.zeuc_figure import Floats, Outline
 from tgl_soar.types import GlidePolar
 
@@ -77,7 +77,7 @@ def field_figure(
                     axes.plot(part[:, 0], part[:, 1], "k-", lw=1.4, zorder=3)
             if ground:
                 axes.fill(*zip(*ground, strict=True), color=GROUND, zorder=4)
-            for place, colour in zip(places, LEG_COLOURS, strict=False):
+            for place, colour in zip(places, PALETTE, strict=False):
                 axes.plot(
                     place.x_m, place.z_m, "o", ms=8, mfc=colour, mec="black", zorder=6,
                     label=place.name,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, contour
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, Outline, draw_excess_map, draw_line
 from tgl_soar.types import GlidePolar
 
@@ -92,7 +92,7 @@ def flight_figure(
             pad=0.02,
         )
         for i, line in enumerate(lines):
-            draw_line(axes, line, LEG_COLOURS[i % len(LEG_COLOURS)], 8.0, f"TGL {line.name}")
+            draw_line(axes, line, PALETTE[i % len(PALETTE)], 8.0, f"TGL {line.name}")
         if len(flown_x_m):
             axes.plot(flown_x_m, flown_z_m, color="white", lw=2.4, zorder=5)
             axes.plot(flown_x_m, flown_z_m, color="0.15", lw=0.9, zorder=6, label="flown path")

@@ -22,6 +22,7 @@ import numpy as np
 import tgl_soar
 from tgl_soar.analysis.logs.flight_data import FlightData, on_line, placed
 from tgl_soar.analysis.loop_response import TONES_RADPS, LoopResponse, loop_responses
+from tgl_soar.analysis.report.figure_style import drawing
 from tgl_soar.analysis.report.flight_report_figures import (
     Surroundings,
     health_panels,
@@ -40,7 +41,6 @@ from tgl_soar.analysis.report.page_style import STYLE
 from tgl_soar.analysis.report.point_figure import point_figure, point_words
 from tgl_soar.analysis.report.spectra import SEGMENT_S, Spectrum, spectrum_of
 from tgl_soar.analysis.report.streams import Stream, streams_of
-from tgl_soar.analysis.report.style import drawing
 from tgl_soar.analysis.report.survey_figure import survey_figure, survey_words
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.score import SETTLE_S, SETTLED_FOR_S, SETTLED_M, TAIL_S

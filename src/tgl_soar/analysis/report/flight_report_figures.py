@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour
 from tgl_soar.analysis.logs.flight_data import FlightData, LoggedMode, Series
+from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, plain_number
 from tgl_soar.analysis.report.legs import FLYING, Line, ReportLeg
 from tgl_soar.analysis.report.smooth_map import draw_smooth_map
 from tgl_soar.analysis.report.spectra import Spectrum
-from tgl_soar.analysis.report.style import GROUND, LEG_COLOURS, plain_number
 from tgl_soar.types import GlidePolar
 
 if TYPE_CHECKING:
@@ -315,7 +315,7 @@ def _plane_axes(axes: Axes) -> None:
 
 
 def _colour(i: int) -> str:
-    return LEG_COLOURS[i % len(LEG_COLOURS)]
+    return PALETTE[i % len(PALETTE)]
 
 
 # --- in time --------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tgl_soar.analysis.identification import Fit, Identified
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
 MOST = 12  # manoeuvres shown
 
@@ -50,7 +50,7 @@ def identification_figure(path: Path, found: Identified, title: str) -> None:
 
 def _draw(axis: Any, fit: Fit) -> None:
     t = fit.time_s - fit.time_s[0]
-    colour = LEG_COLOURS[1] if fit.fitted else LEG_COLOURS[0]
+    colour = PALETTE[1] if fit.fitted else PALETTE[0]
     axis.plot(t, np.degrees(fit.pitch_rate_radps), color="0.65", lw=1.6)
     axis.plot(t, np.degrees(fit.model_pitch_rate_radps), color=colour, lw=1.2)
     elevator = axis.twinx()

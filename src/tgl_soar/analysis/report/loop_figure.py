@@ -14,8 +14,8 @@ from tgl_soar.analysis.loop_response import (
     interpolated,
     open_loop_discs,
 )
+from tgl_soar.analysis.report.figure_style import PALETTE
 from tgl_soar.analysis.report.flight_report_figures import WIDTH_IN
-from tgl_soar.analysis.report.style import LEG_COLOURS
 
 _FARTHEST = 3.0  # of the Nyquist plane from its middle: what matters is about -1
 
@@ -50,7 +50,7 @@ def loop_figure(plt: Any, loops: Sequence[LoopResponse]) -> Any:
     grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.0))
     gain, phase = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     plane = figure.add_subplot(grid[:, 1])
-    for loop, colour in zip(loops, LEG_COLOURS, strict=False):
+    for loop, colour in zip(loops, PALETTE, strict=False):
         _draw(gain, phase, plane, loop, colour)
     gain.axhline(0.0, color="0.4", lw=0.8)
     phase.axhline(-180.0, color="0.4", lw=0.8)

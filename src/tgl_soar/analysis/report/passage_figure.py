@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from tgl_soar.analysis.report.style import drawing, save
+from tgl_soar.analysis.report.figure_style import drawing, save
 from tgl_soar.config.site import Site
 
 DRAWN = 12  # paths of each kind: more hide each other

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 from tgl_soar.estimation.polar import PolarFit, best_glide_speed, sink_band
 from tgl_soar.types import GlidePolar, polar_sink
 
@@ -27,9 +27,9 @@ def draw_polar(
     if band is not None:
         low, high = np.array([band(float(u)) for u in speed]).T
         axes.fill_between(
-            speed, low, high, color=LEG_COLOURS[1], alpha=0.2, lw=0, label="95 % confidence"
+            speed, low, high, color=PALETTE[1], alpha=0.2, lw=0, label="95 % confidence"
         )
-    axes.plot(speed, sink, color=LEG_COLOURS[1], lw=2.0, label="glide polar")
+    axes.plot(speed, sink, color=PALETTE[1], lw=2.0, label="glide polar")
     best = best_glide_speed(polar)
     if tangent and isfinite(best):
         ratio = polar_sink(polar, best) / best
@@ -75,7 +75,7 @@ def polar_figure(
                 gridspec_kw={"height_ratios": [3, 1]},
             )
             draw_polar(axes, polar, band=lambda u: sink_band(fit, u))
-            axes.plot(speed_mps, sink_mps, "o", ms=4.5, color=LEG_COLOURS[0], label="glides")
+            axes.plot(speed_mps, sink_mps, "o", ms=4.5, color=PALETTE[0], label="glides")
             if beside is not None:
                 u = np.linspace(beside.speed_min_mps, beside.speed_max_mps, 200)
                 sink = [polar_sink(beside, float(each)) for each in u]
@@ -83,7 +83,7 @@ def polar_figure(
             axes.set_xlabel("")
             lower.axhline(0.0, color="0.4", lw=0.8)
             lower.plot(
-                speed_mps, 100.0 * np.array(fit.residuals_mps), "o", ms=4.5, color=LEG_COLOURS[0]
+                speed_mps, 100.0 * np.array(fit.residuals_mps), "o", ms=4.5, color=PALETTE[0]
             )
             lower.set(xlabel="horizontal airspeed u [m/s]", ylabel="residual [cm/s]")
         axes.set_title(title)

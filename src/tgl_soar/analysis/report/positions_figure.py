@@ -8,8 +8,8 @@ from pathlib import Path
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, contour
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 from tgl_soar.analysis.report.polar_figure import draw_polar
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
 from tgl_soar.analysis.report.zeuc_figure import draw_excess_map
 from tgl_soar.types import GlidePolar
 
@@ -55,7 +55,7 @@ def positions_figure(
                 label = None
         draw_polar(right, polar)
         reach = 0.16 * (bounds[3] - bounds[2])
-        for place, colour in zip(places, LEG_COLOURS, strict=False):
+        for place, colour in zip(places, PALETTE, strict=False):
             dx, dz = -reach * sin(place.lean_rad), reach * cos(place.lean_rad)
             left.plot(
                 [place.x_m - dx, place.x_m + dx],

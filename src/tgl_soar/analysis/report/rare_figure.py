@@ -9,7 +9,7 @@ from typing import Final
 from tgl_soar.air.field import FloatArray
 from tgl_soar.analysis.rare.soaring_process import SHOWN
 from tgl_soar.analysis.rare.splitting import Rung
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
 _PANELS: Final = (
     ("z_m", "height [m]"),
@@ -35,12 +35,12 @@ def rare_figure(
                 fraction *= rung.passed / rung.tried
                 fractions.append(fraction if fraction else float("nan"))
                 levels.append(rung.level)
-            ladder_axes.semilogy(levels, fractions, "o-", color=LEG_COLOURS[1], lw=0.8, ms=3.0)
+            ladder_axes.semilogy(levels, fractions, "o-", color=PALETTE[1], lw=0.8, ms=3.0)
         ladder_axes.yaxis.set_major_formatter(lambda fraction, _: f"{fraction:g}")
         ladder_axes.invert_xaxis()
         ladder_axes.set_xlabel("margin; 0 is lost")
         ladder_axes.set_ylabel("probability to come so far")
-        colours = dict(zip(dict.fromkeys(causes), LEG_COLOURS * 9, strict=False))
+        colours = dict(zip(dict.fromkeys(causes), PALETTE * 9, strict=False))
         for axis, (name, label) in zip(panels, _PANELS, strict=True):
             for cause, rows in list(zip(causes, last, strict=True))[:_DRAWN]:
                 time = rows[:, SHOWN.index("time_s")]

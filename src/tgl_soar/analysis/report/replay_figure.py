@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
 _PANELS: Final = (
     ("setpoints_pitch_rad", "pitch setpoint [deg]", 180.0 / np.pi),
@@ -36,10 +36,8 @@ def replay_figure(
             len(shown), 1, figsize=(9.0, 1.9 * len(shown)), sharex=True, layout="constrained"
         )
         for (name, label, scale), panel in zip(shown, np.atleast_1d(axes), strict=True):
-            panel.plot(time_s, scale * logged[name], color=LEG_COLOURS[1], lw=1.3, label="logged")
-            panel.plot(
-                time_s, scale * replayed[name], color=LEG_COLOURS[0], lw=1.0, label="replayed"
-            )
+            panel.plot(time_s, scale * logged[name], color=PALETTE[1], lw=1.3, label="logged")
+            panel.plot(time_s, scale * replayed[name], color=PALETTE[0], lw=1.0, label="replayed")
             panel.set_ylabel(label)
         first = np.atleast_1d(axes)[0]
         figure.legend(

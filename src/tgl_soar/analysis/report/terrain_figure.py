@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.report.style import GROUND, LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, drawing, save
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, draw_excess_map, draw_line
 from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft, blown
 from tgl_soar.control.target_line import eta_from_lean
@@ -44,20 +44,20 @@ def map_figure(path: Path, draft: SiteDraft, title: str) -> None:
         along = np.array([-reach, reach])
         crest_east, crest_north = frame.origin_east_m, frame.origin_north_m
         axes.plot(crest_east + along * sin(ridge), crest_north + along * cos(ridge), "--",
-                  color=LEG_COLOURS[3], lw=1.4, label="ridge")  # fmt: skip
+                  color=PALETTE[3], lw=1.4, label="ridge")  # fmt: skip
         x0, x1, y = draft.bounds[0], draft.bounds[1], draft.half_width_m
         box = _on_map(draft, [x0, x1, x1, x0, x0], [-y, -y, y, y, -y])
-        axes.plot(*box, color=LEG_COLOURS[0], lw=1.6, label="fence")
+        axes.plot(*box, color=PALETTE[0], lw=1.6, label="fence")
         beside = tan(radians(draft.oblique_deg))  # y of where the wind comes from, for each -x
         wind = _on_map(
             draft,
             [-0.9 * reach, -0.65 * reach],
             [0.9 * reach * beside, 0.65 * reach * beside],
         )
-        arrow = {"width": 4, "headwidth": 12, "color": LEG_COLOURS[1]}
+        arrow = {"width": 4, "headwidth": 12, "color": PALETTE[1]}
         (tail_east, head_east), (tail_north, head_north) = wind
         axes.annotate("", (head_east, head_north), (tail_east, tail_north), arrowprops=arrow)
-        axes.fill([], [], color=LEG_COLOURS[1],
+        axes.fill([], [], color=PALETTE[1],
                   label=f"wind from {draft.wind_from_deg:.0f}°")  # fmt: skip
         axes.plot(0.0, 0.0, "s", ms=8, mfc="white", mec="black", label="home")
         axes.plot(frame.origin_east_m, frame.origin_north_m, "+", ms=12, mew=2, color="black",
@@ -67,7 +67,7 @@ def map_figure(path: Path, draft: SiteDraft, title: str) -> None:
                       mec="black", label="level, to land")  # fmt: skip
         for i, (name, (x, _)) in enumerate(draft.lines.items()):
             axes.plot(*_on_map(draft, [x], [0.0]), "o", ms=7, mec="black",
-                      mfc=LEG_COLOURS[i % len(LEG_COLOURS)], label=f"line {name}")  # fmt: skip
+                      mfc=PALETTE[i % len(PALETTE)], label=f"line {name}")  # fmt: skip
         axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="east of home [m]")
         axes.set_ylabel("north of home [m]")
         axes.set_aspect("equal")
@@ -107,10 +107,8 @@ def plane_figure(path: Path, draft: SiteDraft, polar: GlidePolar, title: str) ->
             drawn = DrawnLine(
                 name=name, x0_m=line_x, z0_m=line_z, eta_rad=eta, crossings=[(line_x, line_z, True)]
             )
-            draw_line(
-                axes, drawn, LEG_COLOURS[i % len(LEG_COLOURS)], 0.2 * (z1 - z0), f"TGL {name}"
-            )
-        axes.plot([x0, x1, x1, x0, x0], [z0, z0, z1, z1, z0], color=LEG_COLOURS[0], lw=1.6,
+            draw_line(axes, drawn, PALETTE[i % len(PALETTE)], 0.2 * (z1 - z0), f"TGL {name}")
+        axes.plot([x0, x1, x1, x0, x0], [z0, z0, z1, z1, z0], color=PALETTE[0], lw=1.6,
                   zorder=6, label="fence")  # fmt: skip
         axes.plot([p[0] for p in draft.ground.points], [p[1] for p in draft.ground.points], ".-",
                   color="black", zorder=6, label="[ground], highest of the strip")  # fmt: skip

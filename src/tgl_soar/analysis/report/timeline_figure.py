@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
 Floats = NDArray[np.float64]
 
@@ -51,9 +51,9 @@ def draw_timelines(path: Path, timelines: list[Timeline]) -> None:
                 panel.axvspan(*flight.fault, fill=False, hatch="//", linewidth=0, alpha=0.25)
             distance.plot(flight.time_s, 100.0 * flight.e_rho_m, color="0.2", linewidth=1.0)
             age.plot(flight.time_s, flight.age_s, color="0.2", linewidth=1.0)
-            elevator.plot(flight.time_s, flight.surface, color=LEG_COLOURS[1], label="surface")
+            elevator.plot(flight.time_s, flight.surface, color=PALETTE[1], label="surface")
             elevator.plot(
-                flight.time_s, flight.commanded, color=LEG_COLOURS[0], linewidth=1.0,
+                flight.time_s, flight.commanded, color=PALETTE[0], linewidth=1.0,
                 linestyle="--", label="command of the module",
             )  # fmt: skip
             distance.set_title(flight.title)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, excess_updraft
+from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, drawing, save
 from tgl_soar.analysis.report.smooth_map import draw_smooth_map
-from tgl_soar.analysis.report.style import GROUND, LEG_COLOURS, drawing, save
 from tgl_soar.types import GlidePolar
 
 Floats = NDArray[np.float64]
@@ -125,7 +125,7 @@ def zeuc_figure(
         figure.colorbar(shades, ax=axes, label="excess updraft w − sink(u) [m/s]", shrink=0.8)
         reach = 2.0 * max(bounds[1] - bounds[0], bounds[3] - bounds[2])
         for i, line in enumerate(lines):
-            draw_line(axes, line, LEG_COLOURS[i % len(LEG_COLOURS)], reach, f"TGL {line.name}")
+            draw_line(axes, line, PALETTE[i % len(PALETTE)], reach, f"TGL {line.name}")
         if core is not None:
             axes.plot(*core, "*", ms=13, mfc="white", mec="black", zorder=7, label="core")
         axes.plot([], [], "o", ms=7, mfc="0.4", mec="black", label="TGL ∩ ZEUC, stable")

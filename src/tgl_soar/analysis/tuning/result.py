@@ -128,7 +128,7 @@ def pareto_figure(path: Path, tuned: Tuned, floor: float, title: str) -> None:
     Errors: ImportError without matplotlib, ValueError for a kind of file that it does not know,
     OSError.
     """
-    from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+    from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
     with drawing() as plt:
         figure, axes = plt.subplots(2, len(SETS), figsize=(8.0, 6.4), layout="constrained")
@@ -146,7 +146,7 @@ def pareto_figure(path: Path, tuned: Tuned, floor: float, title: str) -> None:
                 panel = axes[row][column]
                 for rows, colour, label in (
                     (found, "0.75", "sought"),
-                    (best, LEG_COLOURS[1], "beaten by none"),
+                    (best, PALETTE[1], "beaten by none"),
                 ):
                     panel.plot(
                         [of(given) for given in rows],
@@ -155,7 +155,7 @@ def pareto_figure(path: Path, tuned: Tuned, floor: float, title: str) -> None:
                         color=colour,
                         label=label,
                     )
-                for (label, given, marker), colour in zip(marked, LEG_COLOURS[::2], strict=False):
+                for (label, given, marker), colour in zip(marked, PALETTE[::2], strict=False):
                     panel.plot(
                         *([of(given)], [100.0 * given.e_rho_m], marker),
                         color=colour,

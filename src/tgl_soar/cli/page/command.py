@@ -17,8 +17,8 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
 from tgl_soar.config.site import Site
 from tgl_soar.link.frames import starts_with_frame
+from tgl_soar.link.open_link import FORMS, LinkError, open_link
 from tgl_soar.link.signing_keys import SigningError, load_key
-from tgl_soar.link.transport import FORMS, LinkError, open_link
 
 if TYPE_CHECKING:
     import uvicorn

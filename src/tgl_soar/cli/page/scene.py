@@ -18,6 +18,7 @@ from tgl_soar.cli.page.settling_preview import Foresight
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import preset_lines
 from tgl_soar.config.line_changes import contour_length
+from tgl_soar.config.parameter_groups import group_of
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet, as_wire_value
 from tgl_soar.config.site import Site
 from tgl_soar.control.forecast import FORECAST_TEXTS
@@ -107,6 +108,7 @@ def meanings() -> dict[str, Any]:
         "parameters": [
             {
                 "name": p.name,
+                "group": group_of(p.name).title,
                 "unit": p.unit,
                 "min": p.minimum,
                 "max": p.maximum,

@@ -1,4 +1,10 @@
-"""One file for each autopilot firmware: how it wants to be commanded."""
+"""One file for each autopilot firmware: how it wants to be commanded.
+
+base                 what each firmware has to answer
+ardupilot, px4, paparazzi, bridge    one firmware each;  bridge: the simulated Pixhawk
+requirements         what a firmware's parameters must be
+aileron_brake_mixing two ailerons that are the brake as well
+"""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Sequence
 from typing import ClassVar, Final, NamedTuple, Protocol
 
-from tgl_soar.link.autopilots.mixing import mixed, unmixed
+from tgl_soar.link.autopilots.aileron_brake_mixing import mixed, unmixed
 from tgl_soar.link.autopilots.requirements import Answers, Needs, Requirement
 from tgl_soar.link.messages import (
     COMMAND_DO_SET_MODE,

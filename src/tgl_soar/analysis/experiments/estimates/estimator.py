@@ -478,7 +478,7 @@ def _draw(context: Context, through: WatchedFlight) -> tuple[str, ...]:
     if path is None:
         return ()
     from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, curves_figure
-    from tgl_soar.analysis.report.style import LEG_COLOURS
+    from tgl_soar.analysis.report.figure_style import PALETTE
 
     rows = (through.time_s >= ONE_GAP_S - 0.5) & (through.time_s <= ONE_GAP_S + GAP_S + 0.7)
     time = through.time_s[rows].tolist()
@@ -486,7 +486,7 @@ def _draw(context: Context, through: WatchedFlight) -> tuple[str, ...]:
     def panel(imu: bool, column: int, label: str, per: float) -> CurvePanel:
         read = per * through.read[imu][rows, column]
         band = 2.0 * per * through.read[imu][rows, 6 + column // 3]
-        colour = LEG_COLOURS[1 if imu else 0]
+        colour = PALETTE[1 if imu else 0]
         return CurvePanel(
             "with accelerations" if imu else "without",
             "time [s]",

@@ -432,7 +432,7 @@ def _draw(context: Context, across: ObservedFlight) -> tuple[str, ...]:
     if path is None:
         return ()
     from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, curves_figure
-    from tgl_soar.analysis.report.style import LEG_COLOURS
+    from tgl_soar.analysis.report.figure_style import PALETTE
 
     keep = slice(200, None, 10)
     time, x = across.time_s[keep], across.x_m[keep]
@@ -443,7 +443,7 @@ def _draw(context: Context, across: ObservedFlight) -> tuple[str, ...]:
                 along.tolist(),
                 across.read[case][keep, column].tolist(),
                 case,
-                LEG_COLOURS[i],
+                PALETTE[i],
                 width=1.0,
                 style="-" if axis.startswith("time") else "",
                 marker="" if axis.startswith("time") else ".",

@@ -296,7 +296,7 @@ def survey_figure(
     path: Path, groups: dict[tuple[float, float], list[SurveyedOnce]], true: list[Floats]
 ) -> None:
     """All drawn contours over the true one, and a flight's path under them."""
-    from tgl_soar.analysis.report.style import drawing
+    from tgl_soar.analysis.report.figure_style import drawing
 
     with drawing() as plt:
         size = {"figsize": (9.0, 2.7), "layout": "constrained"}

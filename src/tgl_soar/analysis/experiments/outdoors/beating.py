@@ -315,7 +315,7 @@ def drawn_job(flown: list[BeatFlight]) -> BeatJob:
 
 def draw_beating(path: Path, job: BeatJob) -> None:
     """Wind, place and the way seen from above.  Errors: ImportError without matplotlib."""
-    from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+    from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
     record = wind_of(job)
     flown, _ = _path(job)
@@ -334,7 +334,7 @@ def draw_beating(path: Path, job: BeatJob) -> None:
         for k, (label, values) in enumerate(rows):
             axis = figure.add_subplot(grid[k], sharex=first)
             first = first or axis
-            axis.plot(minutes, values, color=LEG_COLOURS[k], lw=0.9)
+            axis.plot(minutes, values, color=PALETTE[k], lw=0.9)
             axis.set_ylabel(label)
             axis.fill_between(
                 minutes, 0, 1, where=mode == BEATING, color="0.85",
@@ -354,7 +354,7 @@ def draw_beating(path: Path, job: BeatJob) -> None:
         above.plot(flown["y_m"][every], flown["x_m"][every], color="0.8", lw=0.6)
         above.plot(
             np.where(beats, flown["y_m"][every], nan), np.where(beats, flown["x_m"][every], nan),
-            color=LEG_COLOURS[0], lw=0.8,
+            color=PALETTE[0], lw=0.8,
         )  # fmt: skip
         above.axhspan(-job.case.radius_m, 0.0, color="0.93", zorder=0)
         above.set_xlabel("along the ridge, y [m]")

@@ -436,7 +436,7 @@ def _why(flown: list[FlownHour]) -> str:
 
 def draw_hour(path: Path, job: HourJob) -> None:
     """Wind, veer, place and height left of one flight.  Errors: ImportError without matplotlib."""
-    from tgl_soar.analysis.report.style import LEG_COLOURS, drawing, save
+    from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
 
     record = record_of(job)
     flown, _ = path_of(job, record)
@@ -452,7 +452,7 @@ def draw_hour(path: Path, job: HourJob) -> None:
     ]
     with drawing() as plt:
         figure, axes = plt.subplots(4, 1, figsize=(9.0, 7.2), sharex=True, layout="constrained")
-        for axis, (label, values), colour in zip(axes, rows, LEG_COLOURS, strict=False):
+        for axis, (label, values), colour in zip(axes, rows, PALETTE, strict=False):
             axis.plot(minutes, values, color=colour, lw=0.9)
             axis.set_ylabel(label)
             axis.fill_between(

@@ -337,7 +337,7 @@ def _draw(
     if path is None:
         return ()
     from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, curves_figure
-    from tgl_soar.analysis.report.style import LEG_COLOURS
+    from tgl_soar.analysis.report.figure_style import PALETTE
 
     def curve(scores: list[SpeedScore], label: str, i: int, style: str = "-") -> DrawnCurve:
         flown = [s for s in scores if isfinite(s.oscillation_m)]
@@ -345,7 +345,7 @@ def _draw(
             x=[s.wind_mps for s in flown],
             y=[100 * s.oscillation_m for s in flown],
             label=label,
-            colour=LEG_COLOURS[i % len(LEG_COLOURS)],
+            colour=PALETTE[i % len(PALETTE)],
             style=style,
             marker="os^vDP"[i % 6],
         )

@@ -550,13 +550,13 @@ def _draw_wind(
     path = context.figure("wind")
     if path is None:
         return ()
+    from tgl_soar.analysis.report.figure_style import PALETTE
     from tgl_soar.analysis.report.flight_figure import HistoryPanel, Spans, Trace, flight_figure
-    from tgl_soar.analysis.report.style import LEG_COLOURS
 
     kind = "calm" if context.quick else "1 %"
     prepared = prepare(scenario)
     heights, winds = [], []
-    for line, colour in zip(scenario.lines, LEG_COLOURS, strict=False):
+    for line, colour in zip(scenario.lines, PALETTE, strict=False):
         several = flights[line, kind]
         length = min(len(f.path["time_s"]) for f in several)
         time = several[0].path["time_s"][:length]

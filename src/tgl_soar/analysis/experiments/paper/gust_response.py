@@ -255,7 +255,7 @@ def _draw(
         Note,
         curves_figure,
     )
-    from tgl_soar.analysis.report.style import LEG_COLOURS
+    from tgl_soar.analysis.report.figure_style import PALETTE
 
     polar = next(iter(scenarios.values())).polar
     speeds = np.linspace(polar.speed_min_mps, min(polar.speed_max_mps, 11.0), 120)
@@ -264,7 +264,7 @@ def _draw(
                    "sink (glide polar)", "0.2", width=2.2)]  # fmt: skip
     points, histories = [], []
     ends, margin_notes = [], []
-    for c, colour in zip(changes, LEG_COLOURS, strict=False):
+    for c, colour in zip(changes, PALETTE, strict=False):
         reach = np.array([c.wind_mps - 0.7, c.wind_mps + 0.9])
         rays.append(
             DrawnCurve(

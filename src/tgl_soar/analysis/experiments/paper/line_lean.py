@@ -468,7 +468,7 @@ def _draw(
     if path is None:
         return ()
     from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, curves_figure
-    from tgl_soar.analysis.report.style import LEG_COLOURS
+    from tgl_soar.analysis.report.figure_style import PALETTE
 
     marks = [Mark(across_deg, "perpendicular to the contour"), Mark(0.0, "upright")]
     label = "lean [°], positive upwind"
@@ -482,7 +482,7 @@ def _draw(
                     [s.lean_deg for s in whole],
                     [100 * getattr(s, of) for s in whole],
                     f"{gains}, {imu} accelerometers",
-                    LEG_COLOURS[i],
+                    PALETTE[i],
                     marker="osDv"[i],
                 )
             )

@@ -2,20 +2,13 @@
 
 import { $, known, make, words } from "./dom.js";
 
-const GROUPS = {
-  OP: "Operator", TGL: "Line", RHO: "Distance to pitch", PITCH: "Pitch setpoint", ELE: "Elevator",
-  AIL: "Aileron", RUD: "Rudder", WPT: "Heading", PSI: "Heading", BANK: "Heading", SURF: "Surfaces",
-  ALPHA: "Limits", SPEED: "Limits", SINK: "Limits", CLEAR: "Limits", FENCE: "Limits", TILT: "Limits",
-  CAPTURE: "Limits", EST: "Estimator", WIND: "Air", AGE: "Ages", REC: "Recovery", TEL: "Module", LOOP: "Module",
-};
-
 export class Parameters {
   constructor(box, model, ask) {
     this.model = model;
     this.rows = new Map();
     const groups = new Map();
     for (const parameter of model.scene.parameters) {
-      const group = GROUPS[parameter.name.split("_")[0]] ?? "Others";
+      const { group } = parameter;
       if (!groups.has(group)) {
         const section = box.appendChild(make("section"));
         section.append(make("h3", {}, group));

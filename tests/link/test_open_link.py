@@ -2,7 +2,7 @@
 
 import pytest
 
-from tgl_soar.link.transport import is_open, open_link
+from tgl_soar.link.open_link import is_open, open_link
 from tgl_soar.link.transports.base import LinkError, LinkNotReadyError
 
 LOCAL = "127.0.0.1"
