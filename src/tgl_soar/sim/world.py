@@ -25,12 +25,7 @@ from tgl_soar.air.field import WindField
 from tgl_soar.air.grid import GridError
 from tgl_soar.air.grid_files import Layout, read_grid
 from tgl_soar.air.gusts import (
-    DRYDEN_STILL,
-    NO_ROLL_GUST,
-    DrydenParams,
     DrydenState,
-    dryden_params,
-    roll_gust_params,
 )
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
@@ -68,21 +63,17 @@ from tgl_soar.sim.aircraft import (
     gliding_state,
 )
 from tgl_soar.sim.flown_aircraft import FlownAircraft
+from tgl_soar.sim.met_turbulence import met_turbulence
 from tgl_soar.sim.point_mass import PointMass, point_mass, polar_misfit
 from tgl_soar.sim.sensor_sampling import NO_SAMPLES, flown_sensors
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import ServoParams, servo_params, servo_start
 from tgl_soar.sim.tether import NO_TETHER, TetherParams, tether_params
 from tgl_soar.sim.white_noise import (
-    NO_ROWS,
-    Rows,
     drawn_as_needed,
-    roll_gusts_as_needed,
-    turbulence_as_needed,
 )
 from tgl_soar.sim.world_step import (
     FieldAir,
-    FlownTurbulence,
     Parts,
     WorldNow,
     local_wind,
@@ -102,7 +93,6 @@ from tgl_soar.types import (
 Outline = list[tuple[float, float]]
 
 _HILL_HALF_WIDTH_M: Final = 500.0
-_STILL: Final = DrydenParams(1.0, 0.0, 0.0, 0.0)
 
 
 class Truth(NamedTuple):
@@ -191,33 +181,22 @@ class World:
         self.trim = _trim(model, calm[0])
         unstalled = model.highest_pitch_glide().alpha_rad - atan2(calm[2], calm[0])
         self._launch_pitch_rad = min(self.trim.pitch_rad, unstalled)
-        blows = turbulence > 0.0
-        dryden, eddies = _STILL, DRYDEN_STILL
-        white: Rows = NO_ROWS
-        rolls, roll_gust, rolling = NO_ROLL_GUST, 0.0, white
-        if blows:
-            dryden = dryden_params(turbulence, field.reference_wind_mps, length_scale_m, self._dt_s)
-            eddies, white = turbulence_as_needed(dryden, seed)
-            if roll_gusts:
-                wind_mps = field.reference_wind_mps
-                rolls = roll_gust_params(
-                    turbulence, wind_mps, length_scale_m, model.span_m, self._dt_s
-                )
-            roll_gust, rolling = roll_gusts_as_needed(rolls, seed)
+        span_m = model.span_m if roll_gusts else None
+        met = met_turbulence(
+            turbulence, field.reference_wind_mps, length_scale_m, span_m, self._dt_s, seed
+        )
         self.parts = Parts(
             step_hz=step_hz,
             model=model,
             servo=servo,
             frame=frame,
             air=FieldAir(field, self._dt_s, inf if bounds is None else bounds.half_width_m),
-            turbulence=FlownTurbulence(
-                blows=blows, params=dryden, white=white, rolls=rolls, rolling=rolling
-            ),
+            turbulence=met.turbulence,
             sensors=flown_sensors(sensors, step_hz, drawn_as_needed(seed), ground=ground),
             tether=tether,
         )
         self._polled_position = self._polled_attitude = 0
-        self._begin(eddies, roll_gust)
+        self._begin(met.eddies, met.roll_gust_radps)
 
     def _begin(self, eddies: DrydenState, roll_gust_radps: float) -> None:
         surface = servo_start(self.parts.servo, self._dt_s, 0.0)
