@@ -381,12 +381,12 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
     def _observation(self) -> np.ndarray[Any, Any]:
         """What is known now."""
         known = self._known[0]
-        seen = known[_ALIKE]
-        seen[0] = self.goal[0] - known[_AT["x_m"]]
-        seen[1] = self.goal[1] - known[_AT["z_m"]]
-        seen[_LEAN] = known[_AT["eta_rad"]] - 0.5 * np.pi
-        seen[np.isnan(seen)] = 0.0
-        within: np.ndarray[Any, Any] = np.clip(seen.astype(np.float32), _LOW, _HIGH)
+        observed = known[_ALIKE]
+        observed[0] = self.goal[0] - known[_AT["x_m"]]
+        observed[1] = self.goal[1] - known[_AT["z_m"]]
+        observed[_LEAN] = known[_AT["eta_rad"]] - 0.5 * np.pi
+        observed[np.isnan(observed)] = 0.0
+        within: np.ndarray[Any, Any] = np.clip(observed.astype(np.float32), _LOW, _HIGH)
         return within
 
     def _info(self, standing: Standing) -> dict[str, Any]:

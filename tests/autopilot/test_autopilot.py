@@ -123,7 +123,7 @@ class Glider:
         return attitude_sample(sequence, time, q, (self.p, self.q, self.r))
 
 
-Spoil = Callable[[int, Inputs], Inputs]
+Corrupt = Callable[[int, Inputs], Inputs]
 
 
 class Flight:
@@ -167,7 +167,7 @@ class Flight:
             self.glider = Glider(x, y, z)
             self.inputs, self.outputs = [], []
 
-    def fly(self, seconds: float, spoil: Spoil = lambda _, i: i) -> Flight:
+    def fly(self, seconds: float, corrupt: Corrupt = lambda _, i: i) -> Flight:
         for k in range(round(seconds / DT)):
             self.ticks += 1
             n = self.ticks
@@ -178,7 +178,7 @@ class Flight:
                 time_s=self.clock + (n - n % 200) * DT, accepts_surfaces=True, armed=True
             )
             attitude = self.glider.attitude(n, now)
-            inputs = spoil(
+            inputs = corrupt(
                 k,
                 Inputs(
                     time_s=now,
@@ -364,7 +364,7 @@ REFUSALS = [
 
 @pytest.mark.parametrize(("fault", "reason"), REFUSALS)
 def test_it_refuses_to_engage_and_stays_released_until_the_request_is_withdrawn(
-    fault: Spoil, reason: str
+    fault: Corrupt, reason: str
 ) -> None:
     flight = Flight(ready=False).fly(0.2, fault)
     assert flight.changes() == [("released", reason)]
@@ -382,7 +382,7 @@ def test_it_refuses_to_engage_and_stays_released_until_the_request_is_withdrawn(
     assert flight.changes()[3:] == [("capturing", "engaged")]
 
 
-def frozen(field: str, flight: Flight) -> Spoil:
+def frozen(field: str, flight: Flight) -> Corrupt:
     """One of the inputs stays as it was last."""
     last = getattr(flight.inputs[-1], field)
     return lambda _, inputs: inputs._replace(**{field: last})
@@ -430,7 +430,7 @@ def pitched(_: int, inputs: Inputs) -> Inputs:
         (pitched, REFUSALS[4][1]),
     ],
 )
-def test_it_disengages_at_once(fault: Spoil, reason: str) -> None:
+def test_it_disengages_at_once(fault: Corrupt, reason: str) -> None:
     flight = soaring()
     flight.laws = laws_with(TILT_MAX=25.0)  # less than what no aircraft can turn by in a tick
     flight.fly(0.05, fault)
@@ -647,13 +647,13 @@ BAD = [
 
 @pytest.mark.parametrize(("part", "field", "value"), BAD)
 def test_one_sample_that_is_no_number_is_flown_through(part: str, field: str, value: float) -> None:
-    def spoil(k: int, inputs: Inputs) -> Inputs:
+    def corrupt(k: int, inputs: Inputs) -> Inputs:
         if k != 8:
             return inputs
         sample = getattr(inputs, part)._replace(**{"sequence": 10**6, field: value})
         return inputs._replace(**{part: sample})
 
-    flight = soaring().fly(1.0, spoil)
+    flight = soaring().fly(1.0, corrupt)
     assert flight.changes() == []
     assert_inside(flight.outputs)
     assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.02
@@ -672,11 +672,11 @@ def test_a_number_beyond_all_bounds_does_no_harm(
 ) -> None:
     wild: dict[str, Any] = {"sequence": 10**6, field: value}
 
-    def spoil(k: int, inputs: Inputs) -> Inputs:
+    def corrupt(k: int, inputs: Inputs) -> Inputs:
         far = inputs.position._replace(time_s=inputs.time_s, **wild)
         return inputs._replace(position=far) if k == 8 else inputs
 
-    flight = soaring().fly(0.2, spoil)
+    flight = soaring().fly(0.2, corrupt)
     assert flight.changes() == changes
     assert_inside(flight.outputs)
 
@@ -707,10 +707,10 @@ def test_lost_gyros_are_flown_without(field: str) -> None:
     # The rates are then differences of the angles, for as long as it lasts.
     lost: dict[str, Any] = {field: nan}
 
-    def spoil(_: int, inputs: Inputs) -> Inputs:
+    def corrupt(_: int, inputs: Inputs) -> Inputs:
         return inputs._replace(attitude=inputs.attitude._replace(**lost))
 
-    flight = soaring().fly(3.0, spoil)
+    flight = soaring().fly(3.0, corrupt)
     assert flight.changes() == []
     assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.02
 
@@ -718,21 +718,21 @@ def test_lost_gyros_are_flown_without(field: str) -> None:
 def test_a_hundred_bad_attitudes_are_too_many() -> None:
     """0.5 s without an attitude is longer than may be flown blind."""
 
-    def spoil(_: int, inputs: Inputs) -> Inputs:
+    def corrupt(_: int, inputs: Inputs) -> Inputs:
         return inputs._replace(attitude=inputs.attitude._replace(qw=nan))
 
-    flight = soaring().fly(100 * DT, spoil)
+    flight = soaring().fly(100 * DT, corrupt)
     assert flight.changes() == [("released", "attitude lost")]
     assert_inside(flight.outputs)
     assert flight.outputs[-1].health.rejected == 100
 
 
 def test_a_hundred_bad_positions_are_a_gap() -> None:
-    def spoil(k: int, inputs: Inputs) -> Inputs:
+    def corrupt(k: int, inputs: Inputs) -> Inputs:
         bad = inputs.position._replace(sequence=10**6 + k, down_m=nan)
         return inputs._replace(position=bad) if k < 100 else inputs
 
-    flight = soaring().fly(6.0, spoil)
+    flight = soaring().fly(6.0, corrupt)
     assert [mode for mode, _ in flight.changes()] == ["holding", "capturing", "soaring"]
     assert_inside(flight.outputs)
     assert abs(flight.distance()) < 0.02
@@ -804,10 +804,10 @@ def test_duplicates_change_no_command() -> None:
     assert twice.outputs[-1].health.rejected > 0
 
 
-def jump(seconds: float) -> Spoil:
+def jump(seconds: float) -> Corrupt:
     """From tick 10 on every time stamp is off: the clock itself has jumped."""
 
-    def spoil(k: int, inputs: Inputs) -> Inputs:
+    def corrupt(k: int, inputs: Inputs) -> Inputs:
         if k < 10:
             return inputs
         p, a, s = inputs.position, inputs.attitude, inputs.autopilot
@@ -820,7 +820,7 @@ def jump(seconds: float) -> Spoil:
             engage=inputs.engage,
         )
 
-    return spoil
+    return corrupt
 
 
 @pytest.mark.parametrize(
@@ -876,10 +876,10 @@ def test_after_the_clock_has_gone_back_it_can_be_engaged_again() -> None:
 
 @pytest.mark.parametrize("now", [nan, inf, -inf])
 def test_a_tick_without_a_time_disengages(now: float) -> None:
-    def spoil(k: int, inputs: Inputs) -> Inputs:
+    def corrupt(k: int, inputs: Inputs) -> Inputs:
         return inputs._replace(time_s=now) if k == 5 else inputs
 
-    flight = soaring().fly(0.1, spoil)
+    flight = soaring().fly(0.1, corrupt)
     assert [mode for mode, _ in flight.changes()] == ["released"]
     assert_inside(flight.outputs[:5] + flight.outputs[6:])
     assert all(isfinite(u) for u in flight.outputs[5].command)

@@ -458,12 +458,12 @@ def test_a_command_that_was_no_number_ends_the_flight_and_hinders_no_next_one() 
     flight = soaring().fly(0.2)
     limited = flight.state.loops.limited
     assert limited.finite
-    spoilt = flight.state.loops._replace(limited=limited._replace(finite=False))
-    assert not tick(flight, loops=spoilt)[1].active
+    corrupted = flight.state.loops._replace(limited=limited._replace(finite=False))
+    assert not tick(flight, loops=corrupted)[1].active
     # What a flight has left behind is none of the next one's.
     ready = Flight()
     ready.state = ready.state._replace(
-        loops=spoilt, soaring=ready.state.soaring._replace(pitch_setpoint_rad=nan)
+        loops=corrupted, soaring=ready.state.soaring._replace(pitch_setpoint_rad=nan)
     )
     assert ready.fly(2 * DT).outputs[-1].active
 

@@ -28,7 +28,7 @@ SECONDS = 12.0
 DRIFTS = AUTOPILOT_POSITION._replace(noise_m=0.02, drift_up_m=2.0)
 
 
-class Seen(NamedTuple):
+class Recorded(NamedTuple):
     """What is looked at, tick by tick."""
 
     time_s: list[float]
@@ -46,12 +46,12 @@ def flown(
     ranged: bool = True,
     position: PositionParams = AUTOPILOT_POSITION,
     seconds: float = SECONDS,
-) -> Seen:
+) -> Recorded:
     sensors = Sensors(position=position, imu=MEMS_IMU, rangefinder=LASER_RANGE if ranged else None)
     world = make_world(HILL.airframe, HILL.site, seed=4, turbulence=0.01, sensors=sensors)
     injection = Injection(tuple(parse_fault(text) for text in faults), 4)
     loop = ClosedLoop(world, HILL.values.changed({"RNG_USE": float(use)}), injection)
-    seen = Seen._make([] for _ in Seen._fields)
+    seen = Recorded._make([] for _ in Recorded._fields)
     while world.time_s < seconds:
         output = loop.tick()
         state = world.state
@@ -67,11 +67,13 @@ def flown(
 
 
 @pytest.fixture(scope="module")
-def plain() -> Seen:
+def plain() -> Recorded:
     return flown(1, ranged=False)
 
 
-def test_where_it_says_what_the_position_says_it_only_makes_the_ground_nearer(plain: Seen) -> None:
+def test_where_it_says_what_the_position_says_it_only_makes_the_ground_nearer(
+    plain: Recorded,
+) -> None:
     """With a right position a bound of three noisy samples is above it as often as below: the
     flight is the same, the clearance never larger, and smaller by centimetres."""
     bound = flown(1)
@@ -98,7 +100,9 @@ def test_a_height_that_drifts_is_corrected_where_it_is_asked_for() -> None:
     "fault",
     ["rangefinder.bias away=-9", "rangefinder.bias away=12", "rangefinder.freeze"],
 )
-def test_a_rangefinder_that_is_wrong_is_reported_and_moves_little(fault: str, plain: Seen) -> None:
+def test_a_rangefinder_that_is_wrong_is_reported_and_moves_little(
+    fault: str, plain: Recorded
+) -> None:
     """Within a gate of nothing it is off by more than the receiver could be, or does not move."""
     wrong = flown(2, f"{fault} start=7 for=4")
     words = [fault_text(faults) for faults in wrong.faults if faults & RANGE]
@@ -110,7 +114,7 @@ def test_a_rangefinder_that_is_wrong_is_reported_and_moves_little(fault: str, pl
     assert not wrong.faults[-1] & RANGE
 
 
-def test_drop_outs_and_lost_numbers_are_no_fault(plain: Seen) -> None:
+def test_drop_outs_and_lost_numbers_are_no_fault(plain: Recorded) -> None:
     silent = flown(2, "rangefinder.dropout start=7 for=2", "rangefinder.nan start=9 for=2 share=1")
     assert not any(faults & RANGE for faults in silent.faults)
     assert silent.modes[-1] == SOARING

@@ -164,11 +164,11 @@ def test_what_is_not_seen_to_sink_counts_as_lost() -> None:
     """A glide sinks by its speed over its glide ratio: what of that is not in the estimate."""
     schedule = LAWS.schedule._replace(drag=0.5 / 8.0, best_glide_mps=10.0)
     laws = LAWS._replace(schedule=schedule)
-    assert c.unseen_sink_m(laws, LEVEL, 2.0) == pytest.approx(2.0 * 10.0 / 8.0)
+    assert c.blind_sink_m(laws, LEVEL, 2.0) == pytest.approx(2.0 * 10.0 / 8.0)
     sinking = LEVEL._replace(climb_mps=-0.5)
-    assert c.unseen_sink_m(laws, sinking, 2.0) == pytest.approx(2.0 * (1.25 - 0.5))
-    assert c.unseen_sink_m(laws, LEVEL._replace(climb_mps=-1.3), 2.0) == 0.0
-    assert c.unseen_sink_m(laws, LEVEL._replace(climb_mps=nan), 2.0) == 0.0
+    assert c.blind_sink_m(laws, sinking, 2.0) == pytest.approx(2.0 * (1.25 - 0.5))
+    assert c.blind_sink_m(laws, LEVEL._replace(climb_mps=-1.3), 2.0) == 0.0
+    assert c.blind_sink_m(laws, LEVEL._replace(climb_mps=nan), 2.0) == 0.0
     clear_m = LAWS.envelope.clearance_min_m
     high = CLEAR._replace(clearance_m=clear_m + 2.4)
     assert c.flight_conditions(laws, LEVEL, high, 0.0) & s.HIGH_ENOUGH

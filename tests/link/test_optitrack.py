@@ -474,14 +474,14 @@ def test_a_hostile_suffix_or_section_gives_no_wrong_fix(drawn: st.DataObject) ->
     """Numbers of a frame are changed while it is on its way: whatever is used is right in time."""
     hall = Hall().run(0.3)
 
-    def spoiled(data: bytes) -> bytes:
+    def corrupted(data: bytes) -> bytes:
         if data[0] != layout.FRAME:
             return data
         at = drawn.draw(st.integers(8, 60) | st.integers(len(data) - 54, len(data) - 8))
         number = drawn.draw(st.sampled_from((-1, 0, 1, 2**31 - 1, -(2**31))))
         return data[:at] + struct.pack("<i", number) + data[at + 4 :]
 
-    hall.run(0.05, spoiled)
+    hall.run(0.05, corrupted)
     hall.run(0.5)
     for arrival_s, fix in hall.fixes:
         assert 0.0 <= arrival_s - fix.time_s <= 0.3

@@ -87,7 +87,7 @@ def test_what_is_unsigned_or_signed_by_others_is_not() -> None:
         assert not ours.accepts(good[:at] + bytes((good[at] ^ 1,)) + good[at + 1 :]), at
     old = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(peer(None), force_mavlink1=True)
     assert not ours.accepts(bytes(old))
-    assert ours.accepts(good)  # none of all that has spoilt the stream
+    assert ours.accepts(good)  # none of all that has corrupted the stream
 
 
 def test_a_forged_frame_from_the_future_does_not_shut_the_operator_out() -> None:

@@ -53,7 +53,7 @@ class Settings:
         self.values[name] = value
 
 
-class Said:
+class Reported:
     """An outbox."""
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ def flight() -> Flight:
 
 
 def test_the_height_is_reported_as_it_goes_once_each(flight: Flight) -> None:
-    settings, said = Settings(), Said()
+    settings, said = Settings(), Reported()
     switch = LaunchLandingSwitch(settings, said)  # type: ignore[arg-type]
     for left in (9.0, 4.9, 4.8, 5.1, 4.9, 1.9, 1.0, -0.1, -0.5):
         switch.tick(output_of(flight, SOARING, left_m=left))
@@ -103,7 +103,7 @@ def test_the_height_is_reported_as_it_goes_once_each(flight: Flight) -> None:
 
 def test_the_switches_go_back_by_themselves(flight: Flight) -> None:
     settings = Settings(LNC_START=1.0, ESC_START=1.0)
-    switch = LaunchLandingSwitch(settings, Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, Reported())  # type: ignore[arg-type]
     switch.tick(output_of(flight, LAUNCHING))
     assert settings.values["LNC_START"] == 1.0
     switch.tick(output_of(flight, BREAKING_OFF))
@@ -121,7 +121,7 @@ def test_the_switches_go_back_by_themselves(flight: Flight) -> None:
 def test_what_has_broken_off_asks_for_nothing_any_more(flight: Flight) -> None:
     """A file that is saved on the way home must not end the next flight when it is loaded."""
     settings = Settings(ESC_START=1.0)
-    switch = LaunchLandingSwitch(settings, Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, Reported())  # type: ignore[arg-type]
     switch.tick(output_of(flight, SOARING, 10.0))
     switch.tick(output_of(flight, BREAKING_OFF, 10.1))
     switch.tick(output_of(flight, BREAKING_OFF, 10.9))
@@ -135,7 +135,7 @@ def test_what_has_broken_off_asks_for_nothing_any_more(flight: Flight) -> None:
 
 
 def test_a_launch_that_nobody_engages_expires(flight: Flight) -> None:
-    settings, said = Settings(LNC_START=1.0), Said()
+    settings, said = Settings(LNC_START=1.0), Reported()
     switch = LaunchLandingSwitch(settings, said)  # type: ignore[arg-type]
     for now in (0.0, 59.0):
         switch.tick(output_of(flight, READY, now))
@@ -150,7 +150,7 @@ def test_a_launch_that_nobody_engages_expires(flight: Flight) -> None:
 
 
 def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
-    switch = LaunchLandingSwitch(Settings(), Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(Settings(), Reported())  # type: ignore[arg-type]
     assert switch.refusal("LNC_START", 1.0, active=True)
     assert not switch.refusal("LNC_START", 1.0, active=False)
     assert switch.refusal("ESC_START", 2.0, active=True)
@@ -168,7 +168,7 @@ def test_what_makes_no_sense_is_refused(flight: Flight) -> None:
 
 def test_beating_is_refused_without_a_line_or_room_and_over_with_the_flight(flight: Flight) -> None:
     settings = Settings(BEAT_WIDTH=40.0)
-    switch = LaunchLandingSwitch(settings, Said())  # type: ignore[arg-type]
+    switch = LaunchLandingSwitch(settings, Reported())  # type: ignore[arg-type]
     switch.tick(output_of(flight, SOARING))
     assert switch.refusal("BEAT_START", 1.0, active=True) == ""
     assert switch.refusal("BEAT_START", 1.0, active=False)
@@ -253,13 +253,13 @@ class Firmware:
 PLACE = {"LND_X": -28.0, "LND_Y": 0.0, "LND_LEN": 20.0}
 
 
-def landing_by(firmware: Firmware, said: Said, by: float, **values: float) -> Any:
+def landing_by(firmware: Firmware, said: Reported, by: float, **values: float) -> Any:
     settings: Any = Settings(LND_BY=by, **{**PLACE, **values})
     return FirmwareLanding(firmware, settings, firmware, said)  # type: ignore[arg-type]
 
 
 def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) -> None:
-    firmware, said = Firmware("ardupilot"), Said()
+    firmware, said = Firmware("ardupilot"), Reported()
     landing = landing_by(firmware, said, 1.0)
     landing.tick(output_of(flight, SOARING, 0.5))
     firmware.answers(0.6)
@@ -295,7 +295,7 @@ def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) 
 def test_an_arduplane_that_takes_itself_for_not_launched_is_not_asked(
     flight: Flight, name: str, over_home_m: float, asked: bool
 ) -> None:
-    firmware, said = Firmware(name), Said()
+    firmware, said = Firmware(name), Reported()
     landing = landing_by(firmware, said, 1.0)
     high = output_of(flight, LANDING, 1.0)
     if over_home_m == over_home_m:
@@ -312,9 +312,9 @@ def test_an_arduplane_that_takes_itself_for_not_launched_is_not_asked(
     assert said.words == ([] if asked else [f"{words}: we land"])
 
 
-def handed_over(flight: Flight, time_s: float) -> tuple[Firmware, Said, Any]:
+def handed_over(flight: Flight, time_s: float) -> tuple[Firmware, Reported, Any]:
     """A mission that was asked for in LANDING, and is flown since `time_s`."""
-    firmware, said = Firmware("ardupilot"), Said()
+    firmware, said = Firmware("ardupilot"), Reported()
     landing = landing_by(firmware, said, 1.0)
     landing.tick(output_of(flight, LANDING, time_s - 1.0))
     firmware.answers(time_s - 0.9)
@@ -354,7 +354,7 @@ def test_one_that_starts_again_and_does_not_land_is_reported_all_the_same(flight
 
 
 def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Said()
+    firmware, said = Firmware("px4"), Reported()
     landing = landing_by(firmware, said, 2.0)
     for now in (5000.0, 1.0):
         firmware.time_s = now
@@ -365,7 +365,7 @@ def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> 
 
 def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
     for item, words in ((0, "at item 0"), (None, "at an item that it does not tell")):
-        firmware, said = Firmware("ardupilot"), Said()
+        firmware, said = Firmware("ardupilot"), Reported()
         landing = landing_by(firmware, said, 1.0)
         landing.tick(output_of(flight, LANDING, 1.0))
         firmware.answers(1.1)
@@ -394,7 +394,7 @@ def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
 def test_a_mission_that_does_not_land_there_is_not_asked_for(
     flight: Flight, items: tuple[tuple[int, float], ...], why: str
 ) -> None:
-    firmware, said = Firmware("ardupilot", items), Said()
+    firmware, said = Firmware("ardupilot", items), Reported()
     landing = landing_by(firmware, said, 1.0)
     landing.tick(output_of(flight, READY, 0.5))
     firmware.answers(0.6)
@@ -420,7 +420,7 @@ def test_a_landing_within_the_strip_and_what_receivers_differ_by_is_the_place(
         (20.0, -49.0, 1),
         (0.0, 0.0, 0),
     ):
-        firmware, said = Firmware("ardupilot"), Said()
+        firmware, said = Firmware("ardupilot"), Reported()
         landing = landing_by(firmware, said, 1.0, LND_LEN=length, LND_X=place)
         landing.tick(output_of(flight, READY, 0.5))
         firmware.answers(0.6)
@@ -429,7 +429,7 @@ def test_a_landing_within_the_strip_and_what_receivers_differ_by_is_the_place(
 
 
 def test_a_mission_that_cannot_be_read_is_not_asked_for(flight: Flight) -> None:
-    firmware, said = Firmware("ardupilot"), Said()
+    firmware, said = Firmware("ardupilot"), Reported()
     landing = landing_by(firmware, said, 1.0)
     for k in range(60):
         now = 1.0 + 0.1 * k
@@ -441,7 +441,7 @@ def test_a_mission_that_cannot_be_read_is_not_asked_for(flight: Flight) -> None:
 
 
 def test_a_return_that_lands_is_asked_for_and_seen(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Said()
+    firmware, said = Firmware("px4"), Reported()
     landing = landing_by(firmware, said, 2.0)
     landing.tick(output_of(flight, BREAKING_OFF, 1.0))
     assert said.sent == []
@@ -455,7 +455,7 @@ def test_a_return_that_lands_is_asked_for_and_seen(flight: Flight) -> None:
 
 
 def test_a_firmware_that_does_not_land_leaves_it_to_us(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Said()
+    firmware, said = Firmware("px4"), Reported()
     landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]
     for k in range(10):
         firmware.time_s = float(k + 1)
@@ -468,17 +468,17 @@ def test_a_firmware_that_does_not_land_leaves_it_to_us(flight: Flight) -> None:
 
 def test_a_firmware_whose_landing_is_not_known_is_refused() -> None:
     firmware = Firmware("bridge")
-    landing: Any = FirmwareLanding(firmware, Settings(), firmware, Said())  # type: ignore[arg-type]
+    landing: Any = FirmwareLanding(firmware, Settings(), firmware, Reported())  # type: ignore[arg-type]
     assert "bridge" in landing.refusal(1.0)
     assert landing.refusal(0.0) == ""
-    with_mission: Any = FirmwareLanding(Firmware("ardupilot"), Settings(), firmware, Said())  # type: ignore[arg-type]
+    with_mission: Any = FirmwareLanding(Firmware("ardupilot"), Settings(), firmware, Reported())  # type: ignore[arg-type]
     assert with_mission.refusal(1.0) == ""
     assert "RTL_AUTOLAND" in with_mission.refusal(2.0)
 
 
 def test_a_return_that_does_not_land_is_not_asked_for(flight: Flight) -> None:
     """Not by a value from a file either."""
-    firmware, said = Firmware("ardupilot"), Said()
+    firmware, said = Firmware("ardupilot"), Reported()
     landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]
     landing.tick(output_of(flight, READY, 0.5))
     for k in range(10):
@@ -490,7 +490,7 @@ def test_a_return_that_does_not_land_is_not_asked_for(flight: Flight) -> None:
 
 
 def test_an_operator_who_takes_the_landing_back_is_told_of_no_other(flight: Flight) -> None:
-    firmware, said, settings = Firmware("px4"), Said(), Settings(LND_BY=1.0)
+    firmware, said, settings = Firmware("px4"), Reported(), Settings(LND_BY=1.0)
     landing: Any = FirmwareLanding(firmware, settings, firmware, said)  # type: ignore[arg-type]
     firmware.time_s, firmware.custom_mode = 1.0, MODE_RETURN
     landing.tick(output_of(flight, LANDING, 1.0))

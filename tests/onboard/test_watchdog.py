@@ -165,9 +165,9 @@ def _signalled(module: Module, number: int) -> str:
     return pump_until_said(module, "tgl_soar stopped", "module stood still for")
 
 
-@pytest.mark.parametrize("spoil", [Path.unlink, lambda path: path.chmod(0o644)])
+@pytest.mark.parametrize("corrupt", [Path.unlink, lambda path: path.chmod(0o644)])
 def test_the_guard_needs_no_key_file_to_give_the_surfaces_back(
-    spoil: Callable[[Path], None], tmp_path: Path
+    corrupt: Callable[[Path], None], tmp_path: Path
 ) -> None:
     key, key_file = bytes(range(1, 33)), tmp_path / "key"
     save_key(key_file, key)
@@ -175,7 +175,7 @@ def test_the_guard_needs_no_key_file_to_give_the_surfaces_back(
     try:
         assert module.receive().get_type() == "HEARTBEAT"
         module.engage()
-        spoil(key_file)
+        corrupt(key_file)
         os.kill(child_of(module), signal.SIGKILL)
         pump_until_released(module)
         pump_until_said(module, "surfaces released: module was killed by SIGKILL"[:50])

@@ -1,7 +1,7 @@
 """A flight between processes that others can join: bridge, module, and a pilot who watches.
 
 Bridge, module and pilot fly in lockstep, so that a machine that is busy slows the flight down
-and does not spoil it; the pilot holds time back to `SPEED` times its natural pace, because the
+and does not disturb it; the pilot holds time back to `SPEED` times its natural pace, because the
 stations that join live by the clock on the wall.
 
 Every address is on the loopback interface, every port is one that nobody has.

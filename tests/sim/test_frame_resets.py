@@ -36,7 +36,7 @@ RESET_S, STAY_S = 8.0, 8.0  # soaring since the sixth second
 E_RHO_M = 0.05  # as far as a reset may move e_rho; gusts of 1 % make a centimetre of it
 
 Words = tuple[int, str]
-Spoil = Callable[[SoaringFrame, Inputs], Inputs]
+Corrupt = Callable[[SoaringFrame, Inputs], Inputs]
 
 
 class Flown(NamedTuple):
@@ -50,7 +50,7 @@ class Flown(NamedTuple):
         return [mode_name(o.mode) for o in self.outputs if o.reason]
 
 
-def fly(spoil: Spoil, line_moves_m: float = 0.0, **parameters: float) -> Flown:
+def fly(corrupt: Corrupt, line_moves_m: float = 0.0, **parameters: float) -> Flown:
     """line_moves_m: downstream, by the operator, when the reset begins."""
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     assert site.air is not None
@@ -60,7 +60,7 @@ def fly(spoil: Spoil, line_moves_m: float = 0.0, **parameters: float) -> Flown:
     world = make_world(airframe, site, seed=3, turbulence=TURBULENCE, field=build_field(site.air))
 
     loop = SpoiltLoop(world, values)
-    loop.spoil, loop.start_s = partial(spoil, world.frame), RESET_S + 0.5 * DT_S
+    loop.corrupt, loop.start_s = partial(corrupt, world.frame), RESET_S + 0.5 * DT_S
     for _ in range(round(RESET_S / DT_S)):
         output = loop.tick()
     assert output.mode == SOARING
@@ -83,8 +83,8 @@ def apart(flown: Flown) -> float:
     return max(map(dist, flown.places, undisturbed().places))
 
 
-def moved(x_m: float, z_m: float) -> Spoil:
-    def spoil(frame: SoaringFrame, inputs: Inputs) -> Inputs:
+def moved(x_m: float, z_m: float) -> Corrupt:
+    def corrupt(frame: SoaringFrame, inputs: Inputs) -> Inputs:
         north, east, down = ned_vector_from_soaring(frame, x_m, 0.0, z_m)
         fix = inputs.position
         return inputs._replace(
@@ -93,7 +93,7 @@ def moved(x_m: float, z_m: float) -> Spoil:
             )
         )
 
-    return spoil
+    return corrupt
 
 
 @pytest.mark.parametrize(("x_m", "z_m"), [(5.0, 0.0), (-4.0, 3.0)])

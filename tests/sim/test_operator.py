@@ -75,7 +75,7 @@ def test_called_again_without_news_it_does_nothing() -> None:
         if module.operator.done:
             break
         module.second(i * 0.05)
-        if module.sets and module.sets[-1][0] in module.operator.seen.parameters:
+        if module.sets and module.sets[-1][0] in module.operator.telemetry.parameters:
             module.operator.step(i * 0.05)  # the answers were news
         assert module.operator.step(i * 0.05) == []
     assert module.operator.done
@@ -143,7 +143,7 @@ def test_a_module_that_disengages_ends_the_flight() -> None:
 
 def released(module: Module, reason: str, seconds: float, *, ready: bool = True) -> None:
     """The module disengages, says so a moment later, and is ready again after a second."""
-    begun = module.operator.seen.time_s
+    begun = module.operator.telemetry.time_s
     module.values["OP_ENGAGE"] = 0.0
     module.say(module.codec.param_value_encode(b"OP_ENGAGE", 0.0, 9, 50, 0))
     module.mode = 1.0
@@ -171,7 +171,7 @@ def test_a_release_that_was_to_be_seen_is_watched_and_ends_well() -> None:
     run(module, 2.0)
     released(module, "autopilot in failsafe", 2.0)
     assert not operator.done
-    before = operator.seen.time_s
+    before = operator.telemetry.time_s
     released(module, "autopilot in failsafe", 2.0)
     assert operator.done
     assert operator.flown[0].ended_s <= before
@@ -238,10 +238,10 @@ def test_it_answers_the_lockstep_barrier_and_hears_no_other_vehicle() -> None:
     received = mavlink.MAVLink(None)
     answers = [m for data in operator.step(0.0) for m in received.parse_buffer(bytearray(data))]
     assert [m.ts1 for m in answers if m.get_type() == "TIMESYNC"] == [12345]
-    assert not operator.seen.module_alive
+    assert not operator.telemetry.module_alive
 
 
 def test_garbage_is_no_news() -> None:
     operator = Operator([LEG], 1, 191)
     operator.receive(b"\xfd\x09\x00" + bytes(range(256)))
-    assert operator.seen.values == {}
+    assert operator.telemetry.values == {}

@@ -46,7 +46,7 @@ START_S = 4.0  # of what goes wrong; on the line since the third second
 LONGEST_S = 20.0  # of a flight; long before that it is released
 DT_S = 0.005
 
-Spoil = Callable[[Inputs], Inputs]
+Corrupt = Callable[[Inputs], Inputs]
 
 
 class Seldom:
@@ -123,13 +123,13 @@ def tunnel() -> tuple[Airframe, Site, ParameterSet, WindField]:
 
 
 def fly(
-    seed: int, spoil: Spoil, turbulence: float = TURBULENCE, longest_s: float = LONGEST_S
+    seed: int, corrupt: Corrupt, turbulence: float = TURBULENCE, longest_s: float = LONGEST_S
 ) -> Flown:
     """On line b, until it is released, crashes, or the time is over."""
     airframe, site, values, field = tunnel()
     world = make_world(airframe, site, seed=seed, turbulence=turbulence, field=field)
     loop = SpoiltLoop(world, values)
-    loop.spoil = spoil
+    loop.corrupt = corrupt
     outputs: list[Output] = []
     outside_s = 0.0
     for _ in range(round(longest_s / DT_S)):
@@ -148,11 +148,11 @@ def fly(
 class SpoiltLoop(ClosedLoop):
     """The closed loop with something between sensors and module."""
 
-    spoil: Spoil
+    corrupt: Corrupt
     start_s = START_S
 
     def _decide(self, inputs: Inputs) -> Output:
-        return super()._decide(self.spoil(inputs) if inputs.time_s >= self.start_s else inputs)
+        return super()._decide(self.corrupt(inputs) if inputs.time_s >= self.start_s else inputs)
 
 
 @pytest.mark.parametrize(
@@ -215,17 +215,17 @@ def test_what_is_confident_again_in_time_is_flown_on_with() -> None:
 # --- attitude and position that stand, jump, or are wrong --------------------------------------
 
 
-def standing(part: str, **still: float) -> Spoil:
+def standing(part: str, **still: float) -> Corrupt:
     """One stream goes on with the sample of the first tick, and says that it stands still."""
     first: list[Any] = []
 
-    def spoil(inputs: Inputs) -> Inputs:
+    def corrupt(inputs: Inputs) -> Inputs:
         sample = getattr(inputs, part)
         first.append(sample)
         again = first[0]._replace(sequence=sample.sequence, time_s=sample.time_s, **still)
         return inputs._replace(**{part: again})
 
-    return spoil
+    return corrupt
 
 
 NO_RATES = {
@@ -260,7 +260,7 @@ def points_backwards(inputs: Inputs) -> Inputs:
 
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
-    ("spoil", "modes", "reason", "within_s"),
+    ("corrupt", "modes", "reason", "within_s"),
     [
         # AGE_FROZEN, and for a position what it may be held, and recovered while the height lasts.
         (lambda: standing("attitude", **NO_RATES), ["released"], "attitude lost", 1.0),
@@ -277,9 +277,9 @@ def points_backwards(inputs: Inputs) -> Inputs:
     ],
 )
 def test_what_stands_jumps_or_is_wrong_is_handed_over_for(
-    seed: int, spoil: Callable[[], Spoil], modes: list[str], reason: str, within_s: float
+    seed: int, corrupt: Callable[[], Corrupt], modes: list[str], reason: str, within_s: float
 ) -> None:
-    flown = fly(seed, spoil())
+    flown = fly(seed, corrupt())
     assert not flown.crashed
     changes = [(o.time_s, mode_name(o.mode)) for o in flown.outputs if o.reason]
     assert [mode for when, mode in changes if when >= START_S] == modes
@@ -296,11 +296,11 @@ def test_one_attitude_with_a_huge_rate_hardly_moves_a_surface(field: str, rate: 
     two samples they are the differences of the angles, of 0.1 deg noise each.  That is 0.35 rad/s
     or some hundredths of travel; and it is gone within a time constant of the filters or two."""
     wild: dict[str, Any] = {field: rate}
-    spoilt_s: list[float] = []
+    corrupted_s: list[float] = []
 
     def once(inputs: Inputs) -> Inputs:
-        if not spoilt_s:
-            spoilt_s.append(inputs.time_s)
+        if not corrupted_s:
+            corrupted_s.append(inputs.time_s)
             return inputs._replace(attitude=inputs.attitude._replace(**wild))
         return inputs
 

@@ -140,8 +140,8 @@ def _tick(layout: _Layout, phase: int, vector: Matrix) -> Matrix:
     )
     truth = _measured(trim, plant)
     samples = np.concatenate([truth, line])
-    seen, age_s = samples[len(line) :], layout.late * dt
-    y, vy = seen[0] + age_s * seen[1], seen[1]
+    measured, age_s = samples[len(line) :], layout.late * dt
+    y, vy = measured[0] + age_s * measured[1], measured[1]
     if not layout.inertial:
         waiting = np.concatenate([truth[:2], fixes])
         since = (phase - layout.fix_late) % layout.fix_period
@@ -173,8 +173,8 @@ def _tick(layout: _Layout, phase: int, vector: Matrix) -> Matrix:
         roll_gains(laws.roll, laws.lateral_schedule, f, airspeed),
         PidState(roll_i, roll_d),
         bank_terms.output,
-        float(seen[2] + age_s * seen[4]),
-        float(seen[4]),
+        float(measured[2] + age_s * measured[4]),
+        float(measured[4]),
         0.0,
         dt,
         0,
@@ -183,8 +183,8 @@ def _tick(layout: _Layout, phase: int, vector: Matrix) -> Matrix:
         heading_gains(laws.heading, laws.lateral_schedule, f, airspeed),
         PidState(0.0, heading_d),
         wanted,
-        float(seen[3] + age_s * seen[5]),
-        float(seen[5]),
+        float(measured[3] + age_s * measured[5]),
+        float(measured[5]),
         0.0,
         dt,
     )

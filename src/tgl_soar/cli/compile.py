@@ -146,12 +146,12 @@ def _compile(work: Path) -> None:
         start_new_session=True,
     ) as run:
         try:
-            said, _ = run.communicate()
+            output, _ = run.communicate()
         except BaseException:
             os.killpg(run.pid, signal.SIGKILL)  # the compiler that it has called too
             raise
     if run.returncode != 0:
-        last = "\n".join(said.splitlines()[-_LAST_LINES:])
+        last = "\n".join(output.splitlines()[-_LAST_LINES:])
         raise CompileError(f"{last}\nit could not be compiled; {_NEEDED}")
 
 
@@ -202,9 +202,9 @@ def _check(base: Path, work: Path) -> None:
         ("native", base, "native"),
     ):
         flown[name] = _flown(work / name, kept)
-        said = (work / name / "module.log").read_text(encoding="utf-8")
-        if f"code: {code}" not in said:
-            raise CompileError(f"it cannot be loaded here: {said.partition('code: ')[2][:300]}")
+        printed = (work / name / "module.log").read_text(encoding="utf-8")
+        if f"code: {code}" not in printed:
+            raise CompileError(f"it cannot be loaded here: {printed.partition('code: ')[2][:300]}")
     if flown["source"] != flown["native"]:
         raise CompileError(
             "native code flies differently from its source, and is not kept: the compiler errs"

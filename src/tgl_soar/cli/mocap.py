@@ -137,8 +137,8 @@ def _table(rows: list[BodyRow]) -> Table:
     table = Table("id", "name", "tracked", "rate", "age", "last seen", "x, y, z in the hall's axes")
     for row in rows:
         tracked = "yes" if row.tracked else "[red]no[/red]"
-        if 0.0 < row.tracked_share < 1.0:
-            tracked += f" ({100 * row.tracked_share:.0f} % of frames)"
+        if 0.0 < row.tracked_fraction < 1.0:
+            tracked += f" ({100 * row.tracked_fraction:.0f} % of frames)"
         pose = row.pose
         table.add_row(
             str(row.id),

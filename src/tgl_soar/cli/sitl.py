@@ -489,17 +489,17 @@ def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
 
 def _progress(operator: Operator) -> Table:
     """One line of the flight as the ground station sees it."""
-    seen = operator.seen.values
+    values = operator.telemetry.values
     leg = operator.flown[-1].leg.name if operator.flown else "–"
 
     def number(name: str, form: str, unit: str) -> str:
-        value = seen.get(name)
+        value = values.get(name)
         return "–" if value is None else f"{value:{form}} {unit}"
 
-    mode = seen.get("soar_mode")
+    mode = values.get("soar_mode")
     table = Table("time", "leg", "mode", "e_rho", "x", "z", "updraft", "sink", box=None)
     table.add_row(
-        f"{operator.seen.time_s:.1f} s",
+        f"{operator.telemetry.time_s:.1f} s",
         leg,
         "–" if mode is None or mode != mode else mode_name(int(mode)),
         number("e_rho", "+.3f", "m"),

@@ -349,25 +349,25 @@ class ParameterStore:
 
     def poll(self, values: ParameterSet, now_s: float) -> list[str]:
         """Have the values written if they have changed; what is to be reported to the operator."""
-        said = self._outcome(now_s)
+        reports = self._outcome(now_s)
         if values is not self._observed:
             self._observed = values
             self._pending = to_keep(values, self._base) != self._kept
         late = now_s < self._handed_s  # the clock was changed
         if self._pending and self._handed is None and (now_s >= self._due_s or late):
             self._hand_over(values, now_s)
-        return said
+        return reports
 
     def stop(self, values: ParameterSet) -> list[str]:
         """The process ends: the last changes, unless the disk takes too long."""
         if self._writer is None:
             return []
-        said = self._await()  # what it is writing now
+        reports = self._await()  # what it is writing now
         if self._handed is None and to_keep(values, self._base) != self._kept:
             self._hand_over(values, float("-inf"))
-            said += self._await()
+            reports += self._await()
         self._orders.put(None)
-        return said
+        return reports
 
     def _await(self) -> list[str]:
         if self._handed is None:

@@ -15,7 +15,7 @@ of B and Y, and not of their products, because the law's own part of B is correl
 in Y, and the shake is not.  Where the brake meets an end, or the envelope holds it, B says how much
 of the shake is left.
 
-The pitch setpoint and the trim of the elevator are not told of the shake: else they would
+The pitch setpoint and the trim of the elevator do without the shake: else they would
 move the aircraft at its frequency where the brake does not.
 """
 
@@ -54,7 +54,7 @@ SHAKES_MOST: Final = 150.0
 SIGMAS: Final = 3.5
 SIGMA_MIN: Final = 0.02  # of q: what is not white
 REST_S: Final = 20.0
-LIFT_MIN: Final = 0.05  # |C_Lb| that can be felt: 0.1 m/s² of A
+LIFT_MIN: Final = 0.05  # |C_Lb| that can be measured: 0.1 m/s² of A
 
 
 class ShakeState(NamedTuple):

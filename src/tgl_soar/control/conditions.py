@@ -117,9 +117,9 @@ def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQual
 
 def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
     """Health as the estimator's uncertainty has it, and the autopilot's own of what it reckons."""
-    sure = is_place_known(guards, health, quality)
-    sure = sure and (quality.reckoned_s == 0.0 or quality.reckoned_s <= guards.reckoned_max_s)
-    return health if sure == health.position_ok else health._replace(position_ok=sure)
+    known = is_place_known(guards, health, quality)
+    known = known and (quality.reckoned_s == 0.0 or quality.reckoned_s <= guards.reckoned_max_s)
+    return health if known == health.position_ok else health._replace(position_ok=known)
 
 
 def stream_conditions(
@@ -168,7 +168,7 @@ def blind_glide_s(supervisor: SupervisorState, health: Health, time_s: float) ->
     return max(0.0, min(health.position_age_s, time_s - supervisor.since_s))
 
 
-def unseen_sink_m(laws: Laws, vehicle: VehicleState, blind_s: float) -> float:
+def blind_sink_m(laws: Laws, vehicle: VehicleState, blind_s: float) -> float:
     """By how much the aircraft may be lower than estimated after such a glide.
 
     The estimate goes on with the climb that it knew last, or with none.  A glide sinks by speed /
@@ -176,8 +176,8 @@ def unseen_sink_m(laws: Laws, vehicle: VehicleState, blind_s: float) -> float:
     have counts as lost.  0 where the airframe's glide is not known.
     """
     sink_mps = 2.0 * laws.schedule.drag * laws.schedule.best_glide_mps
-    unseen_mps = sink_mps + vehicle.climb_mps
-    return unseen_mps * blind_s if unseen_mps > 0.0 else 0.0  # false for NaN
+    more_mps = sink_mps + vehicle.climb_mps
+    return more_mps * blind_s if more_mps > 0.0 else 0.0  # false for NaN
 
 
 def flight_conditions(
@@ -198,7 +198,7 @@ def flight_conditions(
     limits, stall, climb = laws.envelope, margins.stall_rad, vehicle.climb_mps
     if is_air_safe(limits, stall, climb):
         found |= AIR_SAFE
-    clearance_m = margins.clearance_m - unseen_sink_m(laws, vehicle, blind_s)
+    clearance_m = margins.clearance_m - blind_sink_m(laws, vehicle, blind_s)
     if clearance_m >= limits.clearance_min_m:
         found |= HIGH_ENOUGH
     if is_clear(limits, stall, climb, clearance_m):

@@ -110,7 +110,7 @@ def escape_step(
 
 
 def _carried_step(state: EscapeState, soars: bool, air: AirEstimate, dt_s: float) -> EscapeState:
-    """The least wind in which it has soared on this line; another line begins anew."""
+    """The least wind in which it has soared on this line; another line resets it."""
     wind = wind_speed(air) if soars else NAN
     if wind != wind:
         return state._replace(wind_mps=NAN, carried_mps=INFINITE)

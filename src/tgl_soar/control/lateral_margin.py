@@ -259,17 +259,17 @@ def _fed_back(gains: _Gains, s: complex) -> tuple[complex, complex, complex, com
         level_d, level_i, level_filter, leads, nears,
     ) = gains  # fmt: skip
     surface = old = exp(-s * delay_s) / (1.0 + s * lag_s)
-    seen, ahead = surface, complex(1.0)
+    delayed, ahead = surface, complex(1.0)
     if late_s > 0.0:
         old = surface * exp(-s * old_s)
-        seen, ahead = surface * exp(-s * late_s), 1.0 + s * late_s
+        delayed, ahead = surface * exp(-s * late_s), 1.0 + s * late_s
     error = k_p + k_i / s
     held = level_d / (1.0 + s / level_filter) + level_i / s
     return (
         old * error * held * (1.0 + leads / s),
-        seen * (error * ahead + k_d * s / (1.0 + s / k_filter)),
+        delayed * (error * ahead + k_d * s / (1.0 + s / k_filter)),
         old * r_p * nears / s,
-        seen * (r_p * ahead + r_d * s / (1.0 + s / r_filter)),
+        delayed * (r_p * ahead + r_d * s / (1.0 + s / r_filter)),
     )
 
 

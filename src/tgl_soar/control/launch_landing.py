@@ -117,7 +117,7 @@ def phase_step(
     if launching or began.standing != launch.IDLE:
         off = e_rho(line.x_m, line.z_m, line.eta_rad, vehicle.x_m, vehicle.z_m)
         to_go = off - e_rho(target.x_m, target.z_m, target.eta_rad, vehicle.x_m, vehicle.z_m)
-        seen = LaunchView(
+        launch_view = LaunchView(
             vehicle=vehicle,
             imu=inputs.imu,
             position_ok=estimates.health.position_ok,
@@ -131,14 +131,14 @@ def phase_step(
             off_max_m=laws.guards.e_rho_max_m,
             line_rests=not line.moving,
         )
-        began = launch_step(laws.launch, began, launching, seen, dt_s)
+        began = launch_step(laws.launch, began, launching, launch_view, dt_s)
     in_air, goes_home = not launching or is_aloft(began), modes.goes_home(mode)
-    sure, air = knows_place(laws, estimates), estimates.air
+    known, air = knows_place(laws, estimates), estimates.air
     view = EscapeView(
         flying=in_air,
         goes_home=goes_home,
         soars=(mode == modes.SOARING and not line.moving) or mode == modes.BEATING,
-        place_known=sure,
+        place_known=known,
     )
     escape = escape_step(laws.landing, state.escape, view, vehicle, air, dt_s)
     glide = state.glide if modes.flies_without_line(mode) else NO_GLIDE
@@ -194,9 +194,9 @@ def phase_conditions(laws: Laws, mode: int, state: LaunchLandingState, estimates
         found |= modes.LAUNCH_HIGH
     if standing != launch.FAR:
         found |= modes.LINE_IN_REACH
-    sure, clearance_m = knows_place(laws, estimates), estimates.margins.clearance_m
-    short = sure and is_short(state.escape, vehicle.time_s)
-    short = short or (sure and _is_reckoned_too_long(laws, state, estimates))
+    known, clearance_m = knows_place(laws, estimates), estimates.margins.clearance_m
+    short = known and is_short(state.escape, vehicle.time_s)
+    short = short or (known and _is_reckoned_too_long(laws, state, estimates))
     if home.asked == landing.BREAK or (home.asked == landing.STAY and home.auto and short):
         found |= modes.BREAK_OFF
     if home.asked == landing.SOAR_ON:
@@ -204,10 +204,10 @@ def phase_conditions(laws: Laws, mode: int, state: LaunchLandingState, estimates
     low = landing.flare_height(home, vehicle, clearance_m)
     # With a small CLEAR_MIN or none, where it flares: what has come down so far goes nowhere else.
     near_m = max(2.0 * laws.envelope.clearance_min_m, landing.FLARE_MIN_M)
-    if sure and (vehicle.x_m <= home.away_x_m or low <= near_m):
+    if known and (vehicle.x_m <= home.away_x_m or low <= near_m):
         found |= modes.AWAY
     goes_home = modes.goes_home(mode)
-    if goes_home and sure and is_on_ground(home, state.escape, vehicle, clearance_m):
+    if goes_home and known and is_on_ground(home, state.escape, vehicle, clearance_m):
         found |= modes.ON_GROUND
     if not estimates.margins.outside & OUT_DOWNSTREAM:
         found |= modes.INSIDE_LEE
@@ -221,7 +221,7 @@ def phase_conditions(laws: Laws, mode: int, state: LaunchLandingState, estimates
     blind_max_s = laws.guards.position_age_max_s + laws.guards.recover_s
     if estimates.health.position_age_s <= blind_max_s and -FUTURE_S <= blind_s <= blind_max_s:
         found |= modes.NOT_BLIND  # false for NaN
-    if sure:
+    if known:
         found |= modes.NOT_BLIND
     return found
 
@@ -364,7 +364,7 @@ def _glide_setpoints(
         if air.airspeed_mps < laws.landing.best_glide_mps:  # false for NaN
             pitch = min(pitch, laws.envelope.glide_pitch_rad)
         return state, GlideSetpoints(pitch, upwind, NAN, 0.0)
-    home, sure = laws.landing, knows_place(laws, estimates)
+    home, known = laws.landing, knows_place(laws, estimates)
     outward, clearance_m = mode == modes.BREAKING_OFF, estimates.margins.clearance_m
     if mode == modes.BEATING:
         back = is_wanted_back(laws.beat, state.beat)
@@ -374,7 +374,7 @@ def _glide_setpoints(
             laws.target,
             state.glide,
             returns=back,
-            position_ok=sure,
+            position_ok=known,
             vehicle=vehicle,
             air=air,
             nose_held=nose_held,
@@ -385,7 +385,7 @@ def _glide_setpoints(
             home,
             state.glide,
             outward,
-            sure,
+            known,
             vehicle=vehicle,
             air=air,
             clearance_m=clearance_m,
@@ -400,10 +400,10 @@ def _glide_setpoints(
         fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
     )
     if mode == modes.BEATING:
-        setpoints = beat_setpoints(home, glide, sure, pitches, air)
+        setpoints = beat_setpoints(home, glide, known, pitches, air)
     else:
-        setpoints = glide_setpoints(home, glide, outward, sure, pitches, vehicle, air, clearance_m)
-    if not sure:
+        setpoints = glide_setpoints(home, glide, outward, known, pitches, vehicle, air, clearance_m)
+    if not known:
         setpoints = setpoints._replace(sideways_mps=NAN)
     return state._replace(glide=glide), setpoints
 

@@ -12,7 +12,7 @@ slowly (first order, `trim_s`), so that nothing steps; gusts of updraft w' beyon
 may be met by the incidence that they make:
 
     d theta_0/dt = (trim + fraction (theta_glide − trim) − theta_0) / trim_s
-    theta_gust   = −gust_share w' / V
+    theta_gust   = −gust_fraction w' / V
 """
 
 from __future__ import annotations

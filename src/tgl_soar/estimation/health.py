@@ -282,11 +282,11 @@ def health_step(
         attitude_age = max(attitude_age, now - attitude.jumps_s)
     answer = -1  # not known
     # Between two that were seen: one odd sample before a silence is none.
-    seen_s = inputs.surfaces.time_s
-    if surfaces.sequence > 0 and now - seen_s <= STALE_S:
-        answer = 0 if seen_s - surfaces.dead_s > DEAD_S else 1
+    reported_s = inputs.surfaces.time_s
+    if surfaces.sequence > 0 and now - reported_s <= STALE_S:
+        answer = 0 if reported_s - surfaces.dead_s > DEAD_S else 1
     faults |= _reported_faults(inputs, tilt, answer)
-    if seen_s - surfaces.brake_dead_s > BRAKE_DEAD_S:
+    if reported_s - surfaces.brake_dead_s > BRAKE_DEAD_S:
         faults |= BRAKE
     if motion.reckoning.now:
         faults |= RECKONED
@@ -535,23 +535,23 @@ def _look_at_surfaces(
     dt_s: float,
 ) -> SurfacesState:
     """What was commanded against what is put out."""
-    seen = inputs.surfaces
+    reported = inputs.surfaces
     elevator = _band(state.elevator, command.elevator, dt_s)
     aileron = _band(state.aileron, command.aileron, dt_s)
     rudder = _band(state.rudder, command.rudder, dt_s)
     brake = _band(state.brake, command.brake, dt_s)
     dead_s, brake_dead_s = state.dead_s, state.brake_dead_s
-    if seen.sequence != state.sequence:
+    if reported.sequence != state.sequence:
         off = max(
-            _outside(elevator, seen.elevator),
-            _outside(aileron, seen.aileron),
-            _outside(rudder, seen.rudder),
+            _outside(elevator, reported.elevator),
+            _outside(aileron, reported.aileron),
+            _outside(rudder, reported.rudder),
         )
         dead_s = min(dead_s, inputs.time_s) if off > limits.surface_error_max else INFINITE
-        brake_off = _outside(brake, seen.brake) > limits.surface_error_max
+        brake_off = _outside(brake, reported.brake) > limits.surface_error_max
         brake_dead_s = min(brake_dead_s, inputs.time_s) if brake_off else INFINITE
     return SurfacesState(
-        sequence=seen.sequence,
+        sequence=reported.sequence,
         dead_s=dead_s,
         elevator=elevator,
         aileron=aileron,
@@ -566,12 +566,12 @@ def _band(band: BandState, command: float, dt_s: float) -> BandState:
     return BandState(min(command, band.low + shrunk), max(command, band.high - shrunk))
 
 
-def _outside(band: BandState, seen: float) -> float:
+def _outside(band: BandState, reported: float) -> float:
     """By how much; NaN, not known, is within."""
-    if seen < band.low:
-        return band.low - seen
-    if seen > band.high:
-        return seen - band.high
+    if reported < band.low:
+        return band.low - reported
+    if reported > band.high:
+        return reported - band.high
     return 0.0
 
 

@@ -204,8 +204,8 @@ def wind_step(
     gravity = aero.gravity_mps2
     forces = 0
     fx, fz, noise_x, noise_z = 0.0, 0.0, FORCE_NOISE_MPS2, FORCE_NOISE_MPS2
-    felt = imu_valid and imu.sequence != state.imu_sequence
-    if felt and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
+    is_new_force = imu_valid and imu.sequence != state.imu_sequence
+    if is_new_force and isfinite(imu.force_x_frd_mps2) and isfinite(imu.force_z_frd_mps2):
         average = averaged(average, frame, motion, imu, gravity, _since(imu_time, now, dt))
         fx, fz = unbiased(average, motion, imu)
         imu_time = now

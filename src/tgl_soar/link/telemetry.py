@@ -96,8 +96,8 @@ class Flow:
     def take(self, now_s: float) -> Outbound | None:
         """The message whose turn it is; the next is due on the grid, unless that is long past."""
         interval_s = self.interval_s / self._items
-        behind = now_s - self._due_s > 4.0 * interval_s
-        self._due_s = (now_s if behind else self._due_s) + interval_s
+        is_late = now_s - self._due_s > 4.0 * interval_s
+        self._due_s = (now_s if is_late else self._due_s) + interval_s
         turn = self._turn
         self._turn = (turn + 1) % self._items
         return self.build(turn)

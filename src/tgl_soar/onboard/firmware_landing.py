@@ -76,7 +76,7 @@ class FirmwareLanding:
         self._by = 0  # LND_BY in the last tick
         self._mode = -1
         self._unfit: str | None = None  # why the mission does not land there; None: not known yet
-        self._said = False  # that we land, on this way home
+        self._reported = False  # that we land, on this way home
         self._handed_over_s = float("nan")  # since then the item is looked for
         self._checked_s = float("-inf")  # it was asked for last
         self._currents = 0  # MISSION_CURRENT that had come by then
@@ -101,7 +101,7 @@ class FirmwareLanding:
         """A tick has gone by."""
         by = int(self._settings.values["LND_BY"])
         modes = LANDING_MODES.get(self._setup.flavour.name, {})
-        self._begin_anew(output)
+        self._begin_again(output)
         self._read(by, output, known=by in modes)
         self._check(output)
         if output.mode != LANDING or by not in modes:
@@ -110,14 +110,14 @@ class FirmwareLanding:
         if by == BY_MISSION and self._unfit == "" and self._tries == 0:
             self._unfit = self._too_near_home(output)
         if by == BY_MISSION and self._unfit != "":
-            if self._unfit is not None and not self._said:
-                self._said = True
+            if self._unfit is not None and not self._reported:
+                self._reported = True
                 self._outbox.tell(SEVERITY_WARNING, f"{self._unfit}: we land")
             return
-        heard_s = self._session.status.time_s
-        if not heard_s > self._looked_s or self._tries > TRIES:
+        received_s = self._session.status.time_s
+        if not received_s > self._looked_s or self._tries > TRIES:
             return
-        self._looked_s = heard_s
+        self._looked_s = received_s
         if output.time_s - self._asked_s < ANSWER_S:
             return
         self._tries += 1
@@ -130,7 +130,7 @@ class FirmwareLanding:
         self._asked_for = modes[by]
         self._outbox.say_all((self._request(by, modes[by]),), self._outbox.autopilot)
 
-    def _begin_anew(self, output: Output) -> None:
+    def _begin_again(self, output: Output) -> None:
         """Whose clock was reset: times of before say nothing, and what was asked is lost."""
         mission = self._session.mission
         if mission.restarts == self._restarts:
@@ -147,7 +147,7 @@ class FirmwareLanding:
         begins = breaks_off and self._mode not in (BREAKING_OFF, LANDING)
         self._mode = output.mode
         if by != self._by or begins:
-            self._unfit, self._said = None, False
+            self._unfit, self._reported = None, False
             if by and not known:  # of a file: an operator is refused it
                 self._outbox.tell(SEVERITY_WARNING, f"LND_BY {by}: {self._unknown()}: we land")
             elif by == BY_MISSION:

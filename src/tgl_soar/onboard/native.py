@@ -202,8 +202,8 @@ def folder() -> Path:
 
 def sources() -> list[Path]:
     """Every file of what flies."""
-    behind = (sorted((SOURCE / door).rglob("*.py")) for door in DOORS)
-    return [*sorted(SOURCE.glob("*.py")), *(file for files in behind for file in files)]
+    in_doors = (sorted((SOURCE / door).rglob("*.py")) for door in DOORS)
+    return [*sorted(SOURCE.glob("*.py")), *(file for files in in_doors for file in files)]
 
 
 def others() -> list[Path]:

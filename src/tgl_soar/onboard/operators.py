@@ -77,7 +77,7 @@ class Operators:
         self._staged_s = float("-inf")  # when one was set last, or staging began
         self._files = FileServer(metadata_files())
         self._files_budget = Budget()
-        self._met: dict[tuple[int, Source], float] = {}  # when each station was heard last
+        self._met: dict[tuple[int, Source], float] = {}  # when each station was received last
 
     def take(self, route: Route, received: Received, now_s: float) -> bool:
         """Whether a message was one of theirs."""
@@ -165,8 +165,8 @@ class Operators:
             outbox.say_all(server.refuse(source, message, refusal, now_s))
             return
         refused = server.counters.refused
-        said = server.handle(source, message, now_s, flying=self._surfaces.is_active)
-        accepted = bool(said) and server.counters.refused == refused
+        answers = server.handle(source, message, now_s, flying=self._surfaces.is_active)
+        accepted = bool(answers) and server.counters.refused == refused
         if accepted and message.param_id == "OP_ENGAGE" and message.param_value == 0.0:
             self._engage_switch.released(now_s, source)
         if server.values is not self._settings.values:
@@ -176,7 +176,7 @@ class Operators:
             self._staged_s = now_s
         if accepted:
             self._switches.was_set(message.param_id)
-        outbox.say_all(said)
+        outbox.say_all(answers)
 
     def _set_refusal(self, source: Source, message: ParamSet, now_s: float) -> str:
         """Why a value may not be set by its sender, or not now; "" if it may."""

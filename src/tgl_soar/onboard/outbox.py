@@ -59,7 +59,7 @@ class Outbox:
             self.say(message, only)
 
     def say_to(self, source: Source, message: Outbound) -> None:
-        """On the links where a source was heard."""
+        """On the links where a source was received."""
         for route in self.routes:
             if route.leads_to(source):
                 self.say(message, route)

@@ -42,7 +42,7 @@ class Reports:
         store: ParameterStore | None,
         first_words: Sequence[tuple[int, str]],
     ) -> None:
-        """`first_words`: severity and text, reported once the autopilot is heard."""
+        """`first_words`: severity and text, reported once the autopilot is received."""
         self._session = session
         self._clocking = clocking
         self._links = links

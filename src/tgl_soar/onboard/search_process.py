@@ -82,11 +82,11 @@ class SearchBeside:
             newest = pickle.loads(data)  # of our own process, by a socket of nobody else's
         return None if self._failure else newest
 
-    def _send(self, said: SearchTask | Glimpse | None) -> bool:
+    def _send(self, message: SearchTask | Glimpse | None) -> bool:
         if self._failure:
             return False
         try:
-            self._socket.send(pickle.dumps(said))
+            self._socket.send(pickle.dumps(message))
         except BlockingIOError:
             self.dropped += 1
             return False
@@ -146,12 +146,12 @@ def serve(ours: socket.socket) -> None:
             return
         if not data:
             return
-        said = pickle.loads(data)  # of our own process, by a socket of nobody else's
-        if isinstance(said, SearchTask):
-            seeker.begin(said)
+        message = pickle.loads(data)  # of our own process, by a socket of nobody else's
+        if isinstance(message, SearchTask):
+            seeker.begin(message)
             continue
         is_newest = not select.select([ours], [], [], 0.0)[0]
-        answer = seeker.take(said, plans=is_newest)
+        answer = seeker.take(message, plans=is_newest)
         if is_newest and answer is not None:
             with suppress(BlockingIOError):
                 ours.send(pickle.dumps(answer))

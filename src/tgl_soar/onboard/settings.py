@@ -56,12 +56,12 @@ class FlightSettings:
         recorder.parameters(self.values)
 
     def assign(self, name: str, value: float) -> None:
-        """A change made by the module itself; every station hears of it."""
+        """A change made by the module itself; every station is sent it."""
         self._outbox.say_all(self.server.assign(name, value))
         self.changed()
 
     def drop_staged(self) -> None:
-        """A staged move is given up by the module itself; every station hears of it."""
+        """A staged move is given up by the module itself; every station is sent it."""
         self._outbox.say_all(self.server.drop_staged())
         self.changed()
 

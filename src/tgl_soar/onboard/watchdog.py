@@ -42,7 +42,7 @@ from tgl_soar.onboard.realtime import clock_s
 HANGS_FLYING_S: Final = 0.5  # the loop has not gone round for so long, with the surfaces
 HANGS_S: Final = 10.0  # without them: starting takes its time
 LOOK_S: Final = 0.05  # between two looks
-PATIENCE_S: Final = 2.0  # for a child that was asked to end, and has the surfaces yet
+PATIENCE_S: Final = 2.0  # for a child that was asked to end, and is in control yet
 # For one that has given them back.  What it waits for then has limits of its own, 9 s in all: two
 # writes of parameters, the flight log and the signing timestamp 2 s each, the search 1 s.
 ENDING_S: Final = 9.5

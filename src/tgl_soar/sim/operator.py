@@ -94,7 +94,7 @@ class Operator:
         engages again and repeats the leg where a hiccup of the machine has ended the flight.
         `watch_s`: where the module disengages by itself it looks on for so long, and is done.
         `goes_home`: after the last leg it breaks off, and the module lands."""
-        self.seen = LastTelemetry()
+        self.telemetry = LastTelemetry()
         self.hiccups: list[str] = []  # the report of each
         self.flown: list[FlownLeg] = []
         self.done = False
@@ -138,25 +138,28 @@ class Operator:
 
     def _take_text(self, text: str, number: int, chunk: int) -> None:
         """A text, or one more piece of a long one."""
-        if number and chunk and self.seen.texts:
-            self.seen.texts[-1] += text
+        if number and chunk and self.telemetry.texts:
+            self.telemetry.texts[-1] += text
         else:
-            self.seen.texts.append(text)
+            self.telemetry.texts.append(text)
 
     def _from_vehicle(self, kind: str, message: Any) -> None:
         source = (message.get_srcSystem(), message.get_srcComponent())
         if kind in ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"):
-            self.seen.time_s = message.time_boot_ms * 1e-3
+            self.telemetry.time_s = message.time_boot_ms * 1e-3
         elif kind == "NAMED_VALUE_FLOAT":
-            self.seen.time_s = message.time_boot_ms * 1e-3
+            self.telemetry.time_s = message.time_boot_ms * 1e-3
             name = message.name.rstrip("\0")
-            self.seen.values[name], self.seen.stamps[name] = message.value, self.seen.time_s
+            self.telemetry.values[name], self.telemetry.stamps[name] = (
+                message.value,
+                self.telemetry.time_s,
+            )
         elif source == self._target and kind == "HEARTBEAT":
-            self.seen.module_alive = True
+            self.telemetry.module_alive = True
         elif kind == "HEARTBEAT" and source[1] == mavlink.MAV_COMP_ID_AUTOPILOT1:
-            self.seen.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
+            self.telemetry.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
         elif source == self._target and kind == "PARAM_VALUE":
-            self.seen.parameters[message.param_id.rstrip("\0")] = message.param_value
+            self.telemetry.parameters[message.param_id.rstrip("\0")] = message.param_value
 
     # --- what to do -----------------------------------------------------------------------
     def step(self, now_s: float) -> list[bytes]:
@@ -195,11 +198,11 @@ class Operator:
         elif self._stage in ("released", "again"):
             self._recover()
         elif self._stage == "wait":
-            known = self.seen.module_alive and isfinite(self._shown("soar_x"))
-            known = known and (self.seen.armed or not self._when_armed)
+            known = self.telemetry.module_alive and isfinite(self._shown("soar_x"))
+            known = known and (self.telemetry.armed or not self._when_armed)
             if not (known and isfinite(self._known_since_s)):
-                self._known_since_s = self.seen.time_s
-            elif self.seen.time_s - self._known_since_s >= LOOK_S:
+                self._known_since_s = self.telemetry.time_s
+            elif self.telemetry.time_s - self._known_since_s >= LOOK_S:
                 self._begin_leg(0)
         elif self._stage == "move":
             flown = self.flown[-1]
@@ -207,9 +210,9 @@ class Operator:
                 self._engaged = True
                 self._to_set = [("OP_ENGAGE", 1.0)]
             elif self._engaged_s != self._engaged_s:
-                self._engaged_s = self.seen.time_s  # it has been confirmed
+                self._engaged_s = self.telemetry.time_s  # it has been confirmed
             elif self._line_stands(flown.leg) or self._moved_by_hand(flown):
-                flown.stopped_s = self.seen.time_s
+                flown.stopped_s = self.telemetry.time_s
                 if flown.leg.searches:
                     flown.found = {name: self._shown(shown) for name, shown in LINE.items()}
                 self._stage = "stay"
@@ -220,19 +223,21 @@ class Operator:
             self._moved_by_hand(flown)
             if flown.leg.searches and not (self._line_stands(flown.leg) or flown.by_hand):
                 self._stage = "move"  # it has found a better one, or its place is gone
-            elif self.seen.time_s - flown.stopped_s >= flown.leg.stay_s or self._surveyed(flown):
-                flown.ended_s = self.seen.time_s
+            elif self.telemetry.time_s - flown.stopped_s >= flown.leg.stay_s or self._surveyed(
+                flown
+            ):
+                flown.ended_s = self.telemetry.time_s
                 if len(self.flown) == len(self._legs):
                     self._legs_flown()
                 else:
                     self._begin_leg(len(self.flown))
-        elif self._stage == "home" and self.seen.time_s - self._homeward_s > HOME_TIMEOUT_S:
+        elif self._stage == "home" and self.telemetry.time_s - self._homeward_s > HOME_TIMEOUT_S:
             raise OperatorError(
                 f"not down within {HOME_TIMEOUT_S:g} s of breaking off: {self._last_words()}"
             )
-        if self._engaged and self.seen.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
+        if self._engaged and self.telemetry.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
             self._engaged, self._engaged_s = False, float("nan")
-            self._stage, self._released_s = "released", self.seen.time_s
+            self._stage, self._released_s = "released", self.telemetry.time_s
             if self._watch_s is not None:
                 self._stage = "watch"
             elif isfinite(self._homeward_s):
@@ -243,7 +248,7 @@ class Operator:
     def _legs_flown(self) -> None:
         """All of them: it is over, or the way home begins."""
         if self._goes_home:
-            self._stage, self._homeward_s = "home", self.seen.time_s
+            self._stage, self._homeward_s = "home", self.telemetry.time_s
             self._to_set = [("ESC_START", 1.0)]
         else:
             self.done = True
@@ -251,7 +256,7 @@ class Operator:
     def _look_on(self) -> None:
         """The module has disengaged by itself, as was to be seen."""
         assert self._watch_s is not None
-        if self.seen.time_s - self._released_s >= self._watch_s:
+        if self.telemetry.time_s - self._released_s >= self._watch_s:
             flown = self.flown[-1]
             if not isfinite(flown.stopped_s):
                 flown.stopped_s = flown.asked_s
@@ -261,9 +266,9 @@ class Operator:
 
     def _recover(self) -> None:
         """The module has disengaged by itself: see why, and repeat the leg once it is ready."""
-        since_s = self.seen.time_s - self._released_s
+        since_s = self.telemetry.time_s - self._released_s
         if self._stage == "released" and since_s >= WORDS_S:
-            texts = reversed(self.seen.texts)
+            texts = reversed(self.telemetry.texts)
             reason = next((text for text in texts if text.startswith("released")), "")
             if not any(hiccup in reason for hiccup in HICCUPS):
                 raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
@@ -277,7 +282,7 @@ class Operator:
     def _begin_leg(self, number: int) -> None:
         leg = self._legs[number]
         del self.flown[number:]  # where it is repeated
-        self.flown.append(FlownLeg(leg, self.seen.time_s))
+        self.flown.append(FlownLeg(leg, self.telemetry.time_s))
         self._to_set = list(leg.parameters.items())
         self._stage = "move"
 
@@ -285,7 +290,7 @@ class Operator:
         """Errors: `OperatorError` after too long."""
         searches = flown.leg.searches
         limit_s = SEARCH_TIMEOUT_S if searches else LEG_TIMEOUT_S
-        if self.seen.time_s - flown.asked_s <= limit_s:
+        if self.telemetry.time_s - flown.asked_s <= limit_s:
             return
         what = "no place to soar was found" if searches else "the line did not come to its target"
         raise OperatorError(
@@ -296,39 +301,39 @@ class Operator:
     def _moved_by_hand(self, flown: FlownLeg) -> bool:
         """Whether the line's parameters are no longer those that this leg set."""
         if flown.leg.searches:
-            flown.by_hand = self.seen.parameters.get("SRCH_START") in OVER
+            flown.by_hand = self.telemetry.parameters.get("SRCH_START") in OVER
             return flown.by_hand
         flown.by_hand = flown.by_hand or any(
-            self.seen.parameters.get(name) != as_wire_value(value)
+            self.telemetry.parameters.get(name) != as_wire_value(value)
             for name, value in flown.leg.parameters.items()
         )
         return flown.by_hand
 
     def _surveyed(self, flown: FlownLeg) -> bool:
         """Whether this leg was a survey, and that has ended."""
-        return flown.leg.surveys and self.seen.parameters.get("SRV_START") == 0.0
+        return flown.leg.surveys and self.telemetry.parameters.get("SRV_START") == 0.0
 
     def _line_stands(self, leg: PlannedLeg) -> bool:
         """Whether the line that is flown is the one that was asked for: before it is engaged the
         module shows the target itself."""
         if leg.searches:
-            found = self.seen.parameters.get("SRCH_START") == FOUND
+            found = self.telemetry.parameters.get("SRCH_START") == FOUND
             return found and self._shown("soar_mode") == SOARING
         return all(
             isclose(self._shown(LINE[name]), value, abs_tol=1e-3)
-            and self.seen.stamps[LINE[name]] > self._engaged_s
+            and self.telemetry.stamps[LINE[name]] > self._engaged_s
             for name, value in leg.parameters.items()
             if name in LINE
         )
 
     def _shown(self, name: str) -> float:
         """The last value of a telemetry name; NaN where none has come."""
-        return self.seen.values.get(name, float("nan"))
+        return self.telemetry.values.get(name, float("nan"))
 
     def _set_next(self, now_s: float) -> None:
         """Send the first set that is due, and drop it once its value is answered."""
         name, value = self._to_set[0]
-        if self.seen.parameters.get(name) == as_wire_value(value):
+        if self.telemetry.parameters.get(name) == as_wire_value(value):
             self._to_set.pop(0)
             self._first_sent_s = float("nan")
             self._sent_s = float("-inf")
@@ -351,7 +356,7 @@ class Operator:
             )
 
     def _last_words(self) -> str:
-        return "; ".join(self.seen.texts[-3:]) or "nothing"
+        return "; ".join(self.telemetry.texts[-3:]) or "nothing"
 
     def _pack(self, message: Any) -> None:
         self._out.append(bytes(message.pack(self._codec)))

@@ -99,17 +99,17 @@ def distance_sensor(sample: RangeSample, params: RangeParams, time_ms: int) -> A
     What does not come back is shown beyond the largest distance, and of no quality.
     """
     largest_cm = round(100.0 * params.max_m)
-    seen = isfinite(sample.range_m)
+    returned = isfinite(sample.range_m)
     return mavlink.MAVLink_distance_sensor_message(
         time_ms,
         round(100.0 * params.min_m),
         largest_cm,
-        round(100.0 * min(sample.range_m, 655.0)) if seen else largest_cm + 100,
+        round(100.0 * min(sample.range_m, 655.0)) if returned else largest_cm + 100,
         mavlink.MAV_DISTANCE_SENSOR_LASER,
         0,
         mavlink.MAV_SENSOR_ROTATION_PITCH_270,
         255,
-        signal_quality=100 if seen else 1,
+        signal_quality=100 if returned else 1,
     )
 
 

@@ -251,12 +251,16 @@ def _operate(
             )
         processes.check()
         stood_s = operator.flown[0].stopped_s if operator.flown else inf
-        if kill_s is not None and killed_s is None and operator.seen.time_s - stood_s >= kill_s:
+        if (
+            kill_s is not None
+            and killed_s is None
+            and operator.telemetry.time_s - stood_s >= kill_s
+        ):
             processes.kill("module")
-            killed_s = operator.seen.time_s
+            killed_s = operator.telemetry.time_s
         # Once there is simulated time the operator acts on what comes and at no other moment, so
         # that a lockstep flight repeats exactly.
-        simulated = operator.seen.time_s
+        simulated = operator.telemetry.time_s
         if ready or not isfinite(simulated):
             for datagram in operator.step(simulated if isfinite(simulated) else now):
                 if bridge is not None:

@@ -213,13 +213,13 @@ def test_a_bad_link_is_reported_and_harms_nothing(
     nothing = mavlink.MAVLink_named_value_float_message(0, b"e_rho", float("nan")).pack(module)
     markup = mavlink.MAVLink_statustext_message(2, MARKUP.encode(), 0, 0).pack(module)
 
-    def spoilt(data: bytes) -> bytes:
+    def corrupted(data: bytes) -> bytes:
         if data[7:10] == b"\xfb\0\0" and b"e_rho" in data:
             return bytes(nothing)
         return bytes(markup) if data[7:10] == b"\xfb\0\0" and b"rtt_ms" in data else data
 
     engaged(window, flying)
-    flying.flown.altered = spoilt
+    flying.flown.altered = corrupted
     window.shows("#message-list", MARKUP)
     assert window.page.query_selector("#message-list img") is None
     assert window.value("window.page.hacked") is None

@@ -9,7 +9,7 @@ At every tick the command is looked at by this module's own arithmetic, not by t
 finite, within travel, and no faster than the surface may move.
 
 `soaring`   at the end of the flight it is on the line again
-`flying`    at the end it still has the surfaces and is on its way back to the line
+`flying`    at the end it is still in control and on its way back to the line
 `released`  it disengaged by itself, for a reason that it reported
 `lost`      the aircraft hit something, or left the air, while the module had the surfaces
 """

@@ -133,7 +133,7 @@ def fly_long(
     part_steps = max(1, steps // PARTS)
     largest, began = 0.0, perf_counter()
 
-    def hear(message: Any, sender: mavlink.MAVLink) -> None:
+    def deliver(message: Any, sender: mavlink.MAVLink) -> None:
         frame = message.pack(sender)
         sender.seq = (sender.seq + 1) % 256
         onboard.event(bytes(frame), world.time_s)
@@ -144,22 +144,22 @@ def fly_long(
         world.step(wire.command or trim)
         now_s = begun_s + world.time_s
         if step % world.step_hz == 1:
-            hear(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), wire.vehicle)
+            deliver(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), wire.vehicle)
         if world.position.sequence != last_position:
             last_position = world.position.sequence
             fix = world.position
-            hear(
+            deliver(
                 mavlink.MAVLink_local_position_ned_message(_ms(begun_s + fix.time_s), *fix[2:8]),
                 wire.vehicle,
             )
         if not engaged and world.time_s >= ENGAGED_S:
             engaged = True
-            hear(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9), wire.station)
+            deliver(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9), wire.station)
         if world.attitude.sequence != last_attitude:
             last_attitude = world.attitude.sequence
             sample = world.attitude
             flight.expected_ticks += 1
-            hear(
+            deliver(
                 mavlink.MAVLink_attitude_quaternion_message(
                     _ms(begun_s + sample.time_s), *sample[2:9]
                 ),

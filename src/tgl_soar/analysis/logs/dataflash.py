@@ -204,7 +204,7 @@ def read_dataflash(name: str, log: Dataflash) -> FlightData:
         streams=clocks.time_s,
     )
     first, changes = _parameters(kinds, clocks)
-    events = [*_said(kinds, clocks), *parameter_events(first, changes)]
+    events = [*_messages(kinds, clocks), *parameter_events(first, changes)]
     wanted = ("position", "attitude", "airspeed", "setpoints", "tracking", "line", "air")
     flight = replace(
         flight,
@@ -237,7 +237,7 @@ def _modes(kinds: _Kinds, clocks: Straightened) -> tuple[LoggedMode, ...]:
     return changes_of(clocks.time_s["MODE"], words)
 
 
-def _said(kinds: _Kinds, clocks: Straightened) -> list[Event]:
+def _messages(kinds: _Kinds, clocks: Straightened) -> list[Event]:
     events = []
     if "MSG" in kinds and "Message" in kinds["MSG"]:
         texts = _words(kinds["MSG"]["Message"])

@@ -122,8 +122,8 @@ def _write_topic(writer: Any, log: FlightLog, topic: str, columns: dict[str, Arr
         properties[name] = {"type": kind}
         declared = _declared(topic, name) if log.is_ours else None
         if declared is not None:
-            said = f"{meaning_of(declared)} [{unit_of(declared)}] {frame_of(declared)}"
-            properties[name]["description"] = said.replace("[]", "").strip()
+            description = f"{meaning_of(declared)} [{unit_of(declared)}] {frame_of(declared)}"
+            properties[name]["description"] = description.replace("[]", "").strip()
     text = json.dumps({"type": "object", "properties": properties}).encode()
     schema = writer.register_schema(topic, "jsonschema", text)
     channel = writer.register_channel(f"/{topic}", "json", schema)

@@ -171,7 +171,7 @@ def _kinds(*kinds: type) -> Iterator[type]:
 
 def meaning_of(field: Field) -> str:
     """What a field means, in words; "" where nothing declares it."""
-    meaning = field.said or MEANINGS.get(field.owner) or _comments().get(field.owner)
+    meaning = field.meaning or MEANINGS.get(field.owner) or _comments().get(field.owner)
     if meaning:
         return meaning
     name = field.owner.partition(".")[2]

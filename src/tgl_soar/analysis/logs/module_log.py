@@ -151,14 +151,14 @@ def _attitude(topics: Topics) -> Series | None:
 
 def _moved(commanded: Series | None, topics: Topics) -> Series | None:
     """Where the surfaces were put: by the module, or, as read back, by whoever flew."""
-    seen = _measured(topics, "surfaces")
-    if commanded is None or seen is None:
-        return commanded or seen
+    measured = _measured(topics, "surfaces")
+    if commanded is None or measured is None:
+        return commanded or measured
     flown = np.isfinite(commanded["elevator"])
     if not flown.any():
-        return seen
+        return measured
     columns = {
-        name: np.where(flown, values, seen.last_at(name, commanded.time_s))
+        name: np.where(flown, values, measured.last_at(name, commanded.time_s))
         for name, values in commanded.columns.items()
     }
     return Series(commanded.time_s, columns, commanded.source)
@@ -166,7 +166,7 @@ def _moved(commanded: Series | None, topics: Topics) -> Series | None:
 
 def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:
     """Why the mode changed, at each change that was not reported in words."""
-    said = {words.text.strip() for words in log.words}
+    operator_texts = {words.text.strip() for words in log.words}
     if not topics.has(TICK, "reason"):
         return []
     reasons = topics.column(TICK, "reason").astype(int)
@@ -175,7 +175,7 @@ def _reasons(topics: Topics, modes: list[str], log: FlightLog) -> list[Event]:
     found = []
     for i in np.flatnonzero(reasons).tolist():
         text = f"{modes[i]}: {words.get(int(reasons[i]), 'reason unknown')}"
-        if text not in said:  # else it was reported to the operator, and the log has that
+        if text not in operator_texts:  # else it was reported to the operator, and the log has that
             found.append(Event(float(times[i]), "mode", text))
     return found
 

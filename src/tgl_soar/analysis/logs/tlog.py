@@ -328,7 +328,7 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
 
 
 def _vehicle(log: Tlog) -> int:
-    """The system whose autopilot is heard most."""
+    """The system whose autopilot is received most."""
     beats = log.kinds.get("HEARTBEAT")
     if beats is None:
         every = np.concatenate([kind.system for kind in log.kinds.values()])

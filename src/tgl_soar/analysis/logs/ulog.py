@@ -71,9 +71,9 @@ class Topics:
     def events(self) -> list[Event]:
         """Texts and changes of parameters."""
         start = self.start_s
-        said = [Event(w.time_s - start, "message", w.text.strip()) for w in self._log.words]
+        texts = [Event(w.time_s - start, "message", w.text.strip()) for w in self._log.words]
         changes = [(c.time_s - start, c.name, c.value) for c in self._log.changes]
-        return [*said, *parameter_events(self.parameters(), changes)]
+        return [*texts, *parameter_events(self.parameters(), changes)]
 
     def parameters(self) -> dict[str, float]:
         """At the beginning; what damage has made no number is left out."""

@@ -63,9 +63,9 @@ def draw_timelines(path: Path, timelines: list[Timeline]) -> None:
         axes[1, 0].set_ylabel("age of the position [s]")
         axes[2, 0].set_ylabel("elevator [-]")
         axes[2, -1].legend(loc="lower right")
-        seen = [mode for mode in MODE_COLOURS if any(mode in f.mode for f in timelines)]
-        patches = [plt.Rectangle((0, 0), 1, 1, color=MODE_COLOURS[m], alpha=0.25) for m in seen]
-        figure.legend(patches, seen, loc="outside lower center", ncols=len(seen))
+        modes = [mode for mode in MODE_COLOURS if any(mode in f.mode for f in timelines)]
+        patches = [plt.Rectangle((0, 0), 1, 1, color=MODE_COLOURS[m], alpha=0.25) for m in modes]
+        figure.legend(patches, modes, loc="outside lower center", ncols=len(modes))
         save(plt, figure, path)
 
 

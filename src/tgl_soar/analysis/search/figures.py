@@ -52,19 +52,19 @@ def search_figure(
     images: list[Any] = [None, None, None]
     for k, snapshot in enumerate(snapshots):
         truth = true_excess(place, polar, x_m, z_m, snapshot.time_s)
-        said = np.where(ground, np.nan, snapshot.excess_mps)
+        estimated = np.where(ground, np.nan, snapshot.excess_mps)
         sd = np.where(ground, np.nan, snapshot.excess_sd_mps)
         shown = (
-            (said, "coolwarm", LEVELS),
+            (estimated, "coolwarm", LEVELS),
             (sd, "viridis", np.linspace(0.0, 1.5, 11)),
-            (np.abs(said - truth), "viridis", np.linspace(0.0, 1.5, 11)),
+            (np.abs(estimated - truth), "viridis", np.linspace(0.0, 1.5, 11)),
         )
         for row, (values, colours, levels) in enumerate(shown):
             axis = axes[row][k]
             images[row] = axis.contourf(x_m, z_m, values.T, levels, cmap=colours, extend="both")
             axis.contour(x_m, z_m, truth.T, [0.0], colors="black", linewidths=1.4)
             axis.contour(
-                x_m, z_m, said.T, [0.0], colors="black", linewidths=1.0, linestyles="dashed"
+                x_m, z_m, estimated.T, [0.0], colors="black", linewidths=1.0, linestyles="dashed"
             )
             axis.fill_between(x_m, z_m[0], floor, color="0.6")
             flown = episode.path["time_s"] <= snapshot.time_s

@@ -84,12 +84,12 @@ class MapSearch(LiftSearch):
 
     def _snapshot(self, time_s: float) -> Snapshot:
         x, z = np.meshgrid(self.grid.x_m, self.grid.z_m, indexing="ij")
-        said = self.map.at(x.ravel(), z.ravel())
+        estimated = self.map.at(x.ravel(), z.ravel())
         return Snapshot(
             time_s,
             self.map.mean(),
-            said.excess_sd_mps.reshape(x.shape),
-            said.excess_mps.reshape(x.shape),
+            estimated.excess_sd_mps.reshape(x.shape),
+            estimated.excess_mps.reshape(x.shape),
         )
 
 

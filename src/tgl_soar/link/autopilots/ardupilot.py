@@ -212,7 +212,7 @@ class ArduPilot:
         """One frame: our channels, the others left to the pilot; or the attitude.
 
         The throttle is the pilot's where we ask for none: a receiver that says by it that it has
-        lost its signal is heard again (THR_FAILSAFE).
+        lost its signal is received again (THR_FAILSAFE).
         """
         if self.route is ATTITUDE:
             return (self._attitude(surfaces.rudder, setpoints),)
@@ -249,7 +249,7 @@ class ArduPilot:
         return deflections(self._channels, servos)
 
     def failsafe(self, heartbeat: Heartbeat) -> bool:
-        """CRITICAL: any failsafe has been triggered; EMERGENCY: it believes to have crashed."""
+        """CRITICAL: any failsafe has been triggered; EMERGENCY: it takes itself for crashed."""
         return heartbeat.system_status in (STATE_CRITICAL, STATE_EMERGENCY)
 
     def way_to_rate(self, rate_hz: float) -> str:

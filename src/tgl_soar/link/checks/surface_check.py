@@ -37,7 +37,7 @@ HEARTBEAT_MAX_S: Final = 3.0
 SETTLE_S: Final = 0.2  # from a command to outputs that show it
 READ_BACK_S: Final = 2.0  # so long is waited for them
 FRAME_S: Final = 0.05  # between two commands
-SEEN: Final = 0.5  # of a step: then the output shows it
+MOVED: Final = 0.5  # of a step: then the output shows it
 
 NAMES: Final = ("elevator", "aileron", "rudder")
 # What a person must see: trailing edges, as seen from behind the aircraft.
@@ -215,7 +215,7 @@ class SurfaceCheck:
         output = self._channel.channel - 1
         if output < len(self._servos) and self._servos[output] != 0:
             moved = (self._servos[output] - before) / (after - before)
-            if moved >= SEEN:
+            if moved >= MOVED:
                 self._unseen = False
                 self._latencies_s.append(now_s - self._since_s)
 
@@ -257,9 +257,12 @@ def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Surface
             f" itself goes wrong, change surfaces.{surface}.reversed of the airframe file"
         )
     else:
-        for side, seen, wanted in (("+", positive, expected[1]), ("-", negative, expected[2])):
-            if abs(seen - wanted) > TOLERANCE_US:
-                faults.append(f"travel to {side}: {seen} us, the file says {wanted} us")
+        for side, measured_us, wanted in (
+            ("+", positive, expected[1]),
+            ("-", negative, expected[2]),
+        ):
+            if abs(measured_us - wanted) > TOLERANCE_US:
+                faults.append(f"travel to {side}: {measured_us} us, the file says {wanted} us")
     if abs(neutral - expected[0]) > TRIM_TOLERANCE_US:
         faults.append(f"trim: {neutral} us, the file says {expected[0]} us")
     if abs(again - neutral) > MOVES_US:

@@ -17,7 +17,7 @@ class BodyRow(NamedTuple):
     id: int
     name: str  # "": the server has not sent it
     tracked: bool  # in the last frame that had it
-    tracked_share: float  # of the frames that had it
+    tracked_fraction: float  # of the frames that had it
     rate_hz: float  # of the frames that had it; NaN: one only
     age_s: float  # of its last pose when that came, from its exposure; NaN: not known
     silent_s: float  # since it was in a frame last
@@ -61,7 +61,7 @@ class BodyListing:
                     id=number,
                     name=names.get(number, ""),
                     tracked=body_record.pose.is_tracked,
-                    tracked_share=body_record.tracked / body_record.frames,
+                    tracked_fraction=body_record.tracked / body_record.frames,
                     rate_hz=(body_record.frames - 1) / over_s if over_s > 0.0 else NAN,
                     age_s=body_record.age_s,
                     silent_s=now_s - body_record.last_s,

@@ -62,13 +62,13 @@ class EstimatorAids:
     def __init__(self, ledger: Ledger) -> None:
         self.reckons = False  # it says that its position is only dead reckoned
         self._best = 0  # level since its start
-        self._heard_s = NAN  # when it spoke last; NaN: it did not yet
+        self._received_s = NAN  # when it spoke last; NaN: it did not yet
         self._silent = False  # and that was reported
         _, self._notices, self._streams = ledger
 
     def on_status(self, message: EkfStatusReport | EstimatorStatus, now_s: float) -> None:
         """Take what the estimator says of itself."""
-        self._heard_s = now_s
+        self._received_s = now_s
         if self._silent:
             self._silent = False
             self._notices.append((SEVERITY_NOTICE, "the autopilot's estimator reports again"))
@@ -85,7 +85,7 @@ class EstimatorAids:
 
     def poll(self, now_s: float) -> None:
         """Tell where what it said has become too old."""
-        age_s = now_s - self._heard_s
+        age_s = now_s - self._received_s
         if self._silent or not age_s > STATUS_AGE_MAX_S:  # NaN: it never spoke
             return
         self._silent = True
@@ -98,9 +98,9 @@ class EstimatorAids:
     def restarted(self) -> None:
         """The autopilot has restarted: nothing is known of it."""
         self.reckons, self._best = False, 0
-        self._heard_s, self._silent = NAN, False
+        self._received_s, self._silent = NAN, False
 
     def rebase(self, now_s: float) -> None:
         """The loop's clock was changed to now_s: it spoke just now, if ever."""
-        if self._heard_s == self._heard_s:
-            self._heard_s = now_s
+        if self._received_s == self._received_s:
+            self._received_s = now_s

@@ -282,7 +282,7 @@ class Field(NamedTuple):
     name: str
     kind: str  # ULog's name of the type
     owner: str = ""  # "NamedTuple.field"; "": declared here
-    said: str = ""  # its meaning, where it is declared here
+    meaning: str = ""  # where it is declared here
 
     @property
     def code(self) -> str:
@@ -362,8 +362,8 @@ def _field(leaf: Leaf, *, exact: bool) -> Field:
 
 
 _HEAD: Final = (
-    Field("timestamp", "uint64_t", said="time of the tick, loop's clock"),
-    Field("tick", "uint32_t", said="number of the tick, from 1"),
+    Field("timestamp", "uint64_t", meaning="time of the tick, loop's clock"),
+    Field("tick", "uint32_t", meaning="number of the tick, from 1"),
 )
 
 STREAMS: Final[dict[str, type]] = {
@@ -404,7 +404,7 @@ def _topics() -> Iterator[Topic]:
         number=number,
         fields=(
             *_HEAD,
-            Field("afresh", "bool", said="the module was reset to this state"),
+            Field("afresh", "bool", meaning="the module was reset to this state"),
             *(_field(leaf, exact=True) for leaf in leaves),
         ),
         meaning="The memory that the tick left to the next; a replay can begin at any of these"
@@ -417,8 +417,8 @@ def _topics() -> Iterator[Topic]:
         number=number + 1,
         fields=(
             *_HEAD,
-            Field("index", "uint16_t", said="which, in the order of docs/parameters.md"),
-            Field("value", "float", said="as it stands after that tick"),
+            Field("index", "uint16_t", meaning="which, in the order of docs/parameters.md"),
+            Field("value", "float", meaning="as it stands after that tick"),
         ),
         meaning="A parameter that has changed, as in ULog's own parameter messages.",
     )
@@ -427,15 +427,15 @@ def _topics() -> Iterator[Topic]:
         number=number + 2,
         fields=(
             *_HEAD,
-            Field("loss", "float", said="fraction of the autopilot's frames that were lost"),
-            Field("round_trip_s", "float", said="to the autopilot and back; NaN: not measured"),
-            Field("frames", "uint32_t", said="good frames from the autopilot's link so far"),
-            Field("bad_checksums", "uint32_t", said="frames with a wrong checksum so far"),
-            Field("unsent", "uint32_t", said="frames that the links did not take so far"),
-            Field("late", "uint32_t", said="ticks that began late so far"),
-            Field("skipped", "uint32_t", said="periods without a tick so far"),
-            Field("over_run", "uint32_t", said="ticks longer than their period so far"),
-            Field("worst_late_s", "float", said="the latest tick so far"),
+            Field("loss", "float", meaning="fraction of the autopilot's frames that were lost"),
+            Field("round_trip_s", "float", meaning="to the autopilot and back; NaN: not measured"),
+            Field("frames", "uint32_t", meaning="good frames from the autopilot's link so far"),
+            Field("bad_checksums", "uint32_t", meaning="frames with a wrong checksum so far"),
+            Field("unsent", "uint32_t", meaning="frames that the links did not take so far"),
+            Field("late", "uint32_t", meaning="ticks that began late so far"),
+            Field("skipped", "uint32_t", meaning="periods without a tick so far"),
+            Field("over_run", "uint32_t", meaning="ticks longer than their period so far"),
+            Field("worst_late_s", "float", meaning="the latest tick so far"),
         ),
         meaning="Counters of the link and of the loop's timing, every two seconds.",
     )

@@ -104,7 +104,7 @@ class Px4Physics:
             self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return self._connection is not None
 
-    def helped(self, _readings: Readings, _said: Collection[str]) -> Any | None:
+    def helped(self, _readings: Readings, _texts: Collection[str]) -> Any | None:
         """It needs no help."""
         return None
 

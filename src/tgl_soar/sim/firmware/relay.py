@@ -108,8 +108,8 @@ class Relay:
         self.commands: dict[str, int] = {}  # of a companion to its surfaces, by message
         self.last_command = ""
         self.commanded_step = -1
-        self.hears_stations = True  # False: what ground stations send does not arrive
-        self.mission: MissionUpload | None = None  # hears what the firmware says of missions
+        self.takes_stations = True  # False: what ground stations send does not arrive
+        self.mission: MissionUpload | None = None  # receives what the firmware sends of missions
         self.record: BinaryIO | None = None  # of the companion's link, both ways, as a .tlog
         self._system = system
         self._ground, self._companion = ground, companion
@@ -210,7 +210,7 @@ class Relay:
         elif kind in COMMANDS and not ground:
             self.commands[kind] = self.commands.get(kind, 0) + 1
             self.last_command, self.commanded_step = kind, self._step
-        return self.hears_stations or not ground
+        return self.takes_stations or not ground
 
     # --- towards the firmware -----------------------------------------------------------
 
@@ -235,7 +235,7 @@ class Relay:
         """A ground station's heartbeat; on the companion's link until a companion has spoken, as
         PX4 sends nothing there before it has received something."""
         beat = bytes(HEARTBEAT.pack(self._own))
-        if self.hears_stations:  # this one, too: PX4 does not ask whose they are
+        if self.takes_stations:  # this one, too: PX4 does not ask whose they are
             self._ground.send(beat)
         if not any(self._heartbeats[link] for link, ground in self._links.items() if not ground):
             self._companion.send(beat)

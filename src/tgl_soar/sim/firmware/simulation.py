@@ -153,7 +153,7 @@ class FirmwareSimulation(SteppedWorld):
             elif fault.of == "transmitter":
                 self._signal = SIGNALS[fault.kind.name] if begins else RECEIVED
             elif fault.kind.name == "station.silent":
-                self.pixhawk.hears_stations = not begins
+                self.pixhawk.takes_stations = not begins
         self._set_parameters()
         self._launch()
         world.throttle = self._physics.throttle

@@ -9,7 +9,7 @@ from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob, hill_
 from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     SoaredHill,
     longest_s,
-    share_soarable,
+    soarable_fraction,
     soarable_winds,
     wind_across,
 )
@@ -32,7 +32,7 @@ def test_there_are_places_between_two_winds_alone(hill: SoaredHill) -> None:
 
 def test_the_share_is_that_of_the_time(hill: SoaredHill) -> None:
     winds = np.array([7.0] * 30 + [3.0] * 10)
-    assert share_soarable(hill, winds) == pytest.approx(0.75)
+    assert soarable_fraction(hill, winds) == pytest.approx(0.75)
 
 
 def test_a_path_goes_on_in_a_steady_wind_and_falls_down_without(hill: SoaredHill) -> None:

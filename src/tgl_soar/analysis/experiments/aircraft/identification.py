@@ -194,7 +194,7 @@ def examine(job: GlideJob) -> Examined:
     delay_s = delay_of(job.seed)
     return Examined(
         duration_s=duration_s,
-        sink_error=max(abs(seen / true - 1.0) for seen, true, _ in sinks),
+        sink_error=max(abs(estimated / true - 1.0) for estimated, true, _ in sinks),
         sink_held=tuple(low <= true <= high for _, true, (low, high) in sinks),
         period_error=found.frequency.value / period - 1.0,
         effect_error=found.effectiveness.value / effect - 1.0,

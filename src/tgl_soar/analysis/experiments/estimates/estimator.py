@@ -200,7 +200,7 @@ class _Outcome(NamedTuple):
 
 
 def _outcome(
-    plan: _Plan, seen: dict[str, list[WatchedFlight]], flown: dict[str, list[Scored]]
+    plan: _Plan, watched_flights: dict[str, list[WatchedFlight]], flown: dict[str, list[Scored]]
 ) -> _Outcome:
     flights = {**plan.scored, **plan.corrupted}
     air = {
@@ -216,7 +216,11 @@ def _outcome(
             for name, each in flights.items()
             if each[0].turbulence == TURBULENCE
         },
-        knowledge={(name, imu): known(seen[name], imu) for name in ASKED for imu in (True, False)},
+        knowledge={
+            (name, imu): known(watched_flights[name], imu)
+            for name in ASKED
+            for imu in (True, False)
+        },
         survival=_survival(flown["plain, rough"], flown["accelerations, rough"]),
         latency_cost=max(paired_ratios(each, late[0]).e_rho for each in late),
     )
@@ -225,8 +229,8 @@ def _outcome(
 def estimator(context: Context) -> Result:
     """Ratios against the law without accelerations, errors, gaps, latency, the lab's chain."""
     plan = _plan(context.quick, context.dispersion)
-    seen = fly_each(context.flyer, watch, {**plan.watched, "through": [plan.through]})
-    outcome = _outcome(plan, seen, fly_named(context.flyer, plan.corrupted, plan.scored))
+    watched_flights = fly_each(context.flyer, watch, {**plan.watched, "through": [plan.through]})
+    outcome = _outcome(plan, watched_flights, fly_named(context.flyer, plan.corrupted, plan.scored))
     survival = outcome.survival
     return Result(
         name="estimator",
@@ -250,7 +254,7 @@ def estimator(context: Context) -> Result:
             },
             "survival": {"difference": survival.difference, "interval": survival.interval},
         },
-        figures=_draw(context, seen["through"][0]),
+        figures=_draw(context, watched_flights["through"][0]),
         scenarios=(),
         seeds=plan.seeds,
         changed=CHANGED,

@@ -364,7 +364,7 @@ def _prepared(flight: EstimatorFlight) -> Prepared:
 
 
 def _values(flight: EstimatorFlight) -> ParameterSet:
-    """The shipped parameters on the flight's line: nobody told it what noise the fixes have."""
+    """The shipped parameters on the flight's line: it does not know what noise the fixes have."""
     site, values, _ = _place()
     return values.changed(
         {
@@ -512,9 +512,11 @@ def watch(flight: EstimatorFlight) -> WatchedFlight:
         time_s = now.truth.time_s
         truths.append(now.truth[:7])
         for imu, before in states.items():
-            states[imu], seen = motion_step(gains[imu], frame, before, now.inputs)
+            states[imu], estimated = motion_step(gains[imu], frame, before, now.inputs)
             quality = motion_quality(gains[imu], before, states[imu], time_s)
-            read[imu].append((*seen[1:7], quality.position_sigma_m, quality.velocity_sigma_mps))
+            read[imu].append(
+                (*estimated[1:7], quality.position_sigma_m, quality.velocity_sigma_mps)
+            )
         ended = now.ended
     truth = np.array(truths)
     rows = truth[:, 0] > SETTLE_S
@@ -539,8 +541,8 @@ class Known(NamedTuple):
 
 def known(flights: Sequence[WatchedFlight], imu: bool) -> Known:
     """One of the two estimators over several flights."""
-    error = np.concatenate([seen.read[imu][:, :6] - seen.truth for seen in flights])
-    sigma = np.concatenate([seen.read[imu][:, 6:] for seen in flights])
+    error = np.concatenate([flight.read[imu][:, :6] - flight.truth for flight in flights])
+    sigma = np.concatenate([flight.read[imu][:, 6:] for flight in flights])
     square = np.stack([np.sum(error[:, :3] ** 2, axis=1), np.sum(error[:, 3:] ** 2, axis=1)], 1)
     position, velocity = (1e3 * np.sqrt(np.mean(square, axis=0))).tolist()
     return Known(position, velocity, *np.mean(square / (3.0 * sigma**2), axis=0).tolist())

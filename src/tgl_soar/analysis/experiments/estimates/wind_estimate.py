@@ -181,12 +181,12 @@ def look_on(flight: WindFlight) -> ObservedFlight:
         velocity_sigma = output.quality.velocity_sigma_mps
         for name in flight.cases:
             case = CASES[name]
-            seen = inputs._replace(
+            measured = inputs._replace(
                 imu=inputs.imu if case.imu else NO_IMU,
                 airspeed=inputs.airspeed if case.pitot else NO_AIRSPEED,
             )
             states[name], air = wind_step(
-                params[name], states[name], vehicle, seen, velocity_sigma, elevator, True
+                params[name], states[name], vehicle, measured, velocity_sigma, elevator, True
             )
             read[name].append(air[:7])
         elevator = output.command.elevator if output.active else nan
@@ -239,9 +239,9 @@ def score(flights: list[ObservedFlight], case: str) -> WindScore:
     if not flights:
         return WindScore._make([nan] * len(WindScore._fields))
     errors, normalised = [], []
-    for seen in flights:
-        rows = seen.time_s >= SETTLE_S
-        read, truth = seen.read[case][rows], seen.truth[rows]
+    for observed in flights:
+        rows = observed.time_s >= SETTLE_S
+        read, truth = observed.read[case][rows], observed.truth[rows]
         errors.append(read[:, :5] - truth)
         normalised.append((read[:, 2:4] - truth[:, 2:4]) / read[:, 5:7])
     speed, alpha, wind, updraft, excess = _rms(np.concatenate(errors)).tolist()
@@ -262,9 +262,9 @@ def plain_rms(flights: list[ObservedFlight]) -> float:
     if not flights:
         return nan
     errors = []
-    for seen in flights:
-        rows = seen.time_s >= SETTLE_S
-        errors.append(seen.plain[rows] - seen.truth[rows, 3])
+    for observed in flights:
+        rows = observed.time_s >= SETTLE_S
+        errors.append(observed.plain[rows] - observed.truth[rows, 3])
     return float(_rms(np.concatenate(errors)))
 
 
@@ -287,11 +287,12 @@ def wind_estimate(context: Context) -> Result:
         lines=places, seed=1, leg_s=TOUR_S, cases=(WITH_PITOT, WITHOUT), dispersed=apart
     )
     *flights, across = context.flyer.each(look_on, [*jobs, tour])
-    whole = [seen for seen in flights if seen.duration_s > LEAST_S]
+    whole = [observed for observed in flights if observed.duration_s > LEAST_S]
     scores = {case: score(whole, case) for case in CASES}
     plain = plain_rms(whole)
     by_place = {
-        place: [seen for seen in whole if seen.flight.lines == (place,)] for place in places
+        place: [observed for observed in whole if observed.flight.lines == (place,)]
+        for place in places
     }
     with_pitot, without = scores[WITH_PITOT], scores[WITHOUT]
     claims: tuple[Claim, ...] = (
@@ -403,11 +404,11 @@ def _tables(
             tuple(
                 (
                     place,
-                    f"{score(seen, WITH_PITOT).updraft_mps:.3f}",
-                    f"{score(seen, WITHOUT).updraft_mps:.3f}",
-                    f"{plain_rms(seen):.3f}",
+                    f"{score(of_place, WITH_PITOT).updraft_mps:.3f}",
+                    f"{score(of_place, WITHOUT).updraft_mps:.3f}",
+                    f"{plain_rms(of_place):.3f}",
                 )
-                for place, seen in by_place.items()
+                for place, of_place in by_place.items()
             ),
         ),
     )  # fmt: skip

@@ -221,11 +221,11 @@ def _reported_row(name: str, flights: list[Slid]) -> tuple[str, ...]:
 
 
 def _false_row(name: str, flights: list[Slid]) -> tuple[str, ...]:
-    said = [FORECAST_TEXTS[s.foreseen.standing] for s in flights if s.foreseen is not None]
-    low, high = wilson(len(said), len(flights))
-    words = ", ".join(f"{said.count(text)} {text}" for text in dict.fromkeys(said))
+    standings = [FORECAST_TEXTS[s.foreseen.standing] for s in flights if s.foreseen is not None]
+    low, high = wilson(len(standings), len(flights))
+    words = ", ".join(f"{standings.count(text)} {text}" for text in dict.fromkeys(standings))
     fraction = f"{100 * low:.1f} to {100 * high:.1f} %"
-    return (name, f"{len(flights)}", f"{len(said)}", fraction, words or "–")
+    return (name, f"{len(flights)}", f"{len(standings)}", fraction, words or "–")
 
 
 # --- the air along a line ----------------------------------------------------------------------
@@ -327,8 +327,8 @@ def slides(
         u, _, w = place.field.wind(x, np.zeros(n), z)
         u, w = wind * grown * u + gust[0], wind * grown * w + gust[1]
         if k % EVERY == 0:
-            seen = bias + 0.05 * rng.normal(size=(2, n))
-            rows[k // EVERY] = x, z, speed * along_x, speed * along_z, u + seen[0], w + seen[1]
+            errors = bias + 0.05 * rng.normal(size=(2, n))
+            rows[k // EVERY] = x, z, speed * along_x, speed * along_z, u + errors[0], w + errors[1]
         airspeed = np.maximum(4.0, u - speed * along_x)
         force = along_z * speed - w + sinks(polar, airspeed, sink)
         speed = speed + DT_S * force * GRAVITY_MPS2 / (airspeed * along_x)

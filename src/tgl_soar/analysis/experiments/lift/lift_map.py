@@ -116,13 +116,15 @@ def rings_of(
         lift, path = glide(each, polar, ground, after_s)
         x, z, truth = _nodes(each, polar)
         away = np.min([np.hypot(x - a, z - b) for a, b in path], axis=0) / each.box.height_m
-        said = lift.at(x, z)
-        off = said.excess_mps - truth
+        estimated = lift.at(x, z)
+        off = estimated.excess_mps - truth
         for ring, (low, high) in zip(rings, RINGS, strict=True):
             here = (away >= low) & (away < high)
             if here.any():
                 ring.squares.append(float(np.mean(off[here] ** 2)))
-                ring.normalised.append(float(np.mean((off[here] / said.excess_sd_mps[here]) ** 2)))
+                ring.normalised.append(
+                    float(np.mean((off[here] / estimated.excess_sd_mps[here]) ** 2))
+                )
     return rings
 
 

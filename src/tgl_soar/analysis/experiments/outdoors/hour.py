@@ -35,7 +35,7 @@ from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     SoaredHill,
     longest_s,
-    share_soarable,
+    soarable_fraction,
     wind_across,
 )
 from tgl_soar.analysis.experiments.outdoors.hour_walk import walked
@@ -261,7 +261,7 @@ def fly_hour(job: HourJob) -> FlownHour:
         seed=job.seed,
         duration_s=float(times[-1]),
         possible_s=longest_s(hill, across, values["TGL_X"], values["TGL_Z"]),
-        soarable=share_soarable(hill, across),
+        soarable=soarable_fraction(hill, across),
         soared_s=soared_s,
         ended=flown.ended.partition(" at x")[0],
         left_m=float(flown["height_left_m"][broke]) if broke >= 0 else nan,

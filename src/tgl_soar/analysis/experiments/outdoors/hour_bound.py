@@ -87,7 +87,7 @@ def wind_across(record: WindRecord, duration_s: float) -> Floats:
     return np.array([record.wind_mps.at(t) * cos(record.veer_rad.at(t)) for t in times.tolist()])
 
 
-def share_soarable(hill: SoaredHill, winds_mps: Floats) -> float:
+def soarable_fraction(hill: SoaredHill, winds_mps: Floats) -> float:
     """The share of the time in which some place could be soared."""
     table, possible = soarable_winds(hill, float(winds_mps.max()))
     nearest = np.minimum(np.rint(winds_mps / WINDS_MPS).astype(int), len(table) - 1)

@@ -418,7 +418,7 @@ class NearLift(Protocol):
     def gone(self) -> bool: ...  # lost, or disengaged
 
 
-def share_within(offs_m: list[float]) -> float:
+def fraction_within(offs_m: list[float]) -> float:
     """The share of the ticks within WITHIN_M."""
     return sum(abs(off) <= WITHIN_M for off in offs_m) / max(1, len(offs_m))
 

@@ -26,7 +26,7 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
     ALREADY,
     WITHIN_M,
     ends_by_kind,
-    share_within,
+    fraction_within,
     span,
     stays_claim,
 )
@@ -237,7 +237,7 @@ def fly_range(job: RangeJob) -> RangeFlight:
         captures=flown.captures,
         off_rms_m=_rms(offs),
         off_m=max(map(abs, offs), default=nan),
-        within=share_within(offs),
+        within=fraction_within(offs),
         height_rms_m=_rms(flown.height_off_m),
         least_m=flown.least_m,
         apart_m=apart,

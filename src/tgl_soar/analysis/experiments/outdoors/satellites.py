@@ -30,7 +30,7 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
     ALREADY,
     WITHIN_M,
     ends_by_kind,
-    share_within,
+    fraction_within,
     span,
     stays_claim,
     touches_down_well,
@@ -171,8 +171,8 @@ def _drawn_faults(job: SatelliteJob, random: Random) -> tuple[str, ...]:
         return (f"attitude.bias start={begin:.3f} for=1e5 {by}",)
     drift = f"north={RECKONED_MPS2 * north:.4f} east={RECKONED_MPS2 * east:.4f}"
     if job.kind not in DRIFTS:
-        told = 1e6 if job.kind == UNREPORTED else uniform(5.0, 10.0)
-        return (f"position.reckoned start={begin:.3f} for={LOST_S} {drift} told={told:.3f}",)
+        reported_s = 1e6 if job.kind == UNREPORTED else uniform(5.0, 10.0)
+        return (f"position.reckoned start={begin:.3f} for={LOST_S} {drift} told={reported_s:.3f}",)
     steps, up = [], STEPS_UP_M[job.kind]
     for _ in range(3):
         at, lasts = uniform(BEGIN_S[1], RECEIVER_S - 30.0), uniform(5.0, 20.0)
@@ -326,7 +326,7 @@ def fly_satellites(job: SatelliteJob) -> SatelliteFlight:
         fix_off_m=max(map(abs, flown.fix_off_m), default=nan),
         beside_m=max(beside, default=nan),
         beside_share=sum(each > BESIDE_M for each in beside) / max(1, len(beside)),
-        within=share_within(flown.off_m),
+        within=fraction_within(flown.off_m),
         clearance_m=flown.clearance_m,
         apart_m=apart,
         along_m=along,
