@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, pi, radians, sin, sqrt
+from math import atan, atan2, cos, hypot, isnan, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from tgl_soar.air.field import FloatArray, broadcast
 from tgl_soar.air.hill import HillField, hill_wind
@@ -39,8 +40,11 @@ class Dome:
 
     reference_wind_mps = 9.0
 
-    def __init__(self, radius_m: float, wall_x_m: float = -np.inf) -> None:
+    def __init__(
+        self, radius_m: float, wall_x_m: float = -np.inf, oblique_rad: float = 0.0
+    ) -> None:
         self.radius_m, self.wall_x_m = radius_m, wall_x_m
+        self.u_mps, self.v_mps = 9.0 * cos(oblique_rad), -9.0 * sin(oblique_rad)
 
     def wind_at(
         self, x_m: float, y_m: float, z_m: float, time_s: float
@@ -57,7 +61,8 @@ class Dome:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         x, _, z = broadcast(x_m, y_m, z_m)
         w = 2.0 - (x * x + z * z) / self.radius_m**2
-        return np.full(x.shape, 9.0), np.zeros(x.shape), np.where(x < self.wall_x_m, -5.0, w)
+        u, v = np.full(x.shape, self.u_mps), np.full(x.shape, self.v_mps)
+        return u, v, np.where(x < self.wall_x_m, -5.0, w)
 
     def inside(self, x_m: float, y_m: float, z_m: float) -> bool:  # noqa: ARG002
         return True
@@ -153,6 +158,40 @@ def test_leans_just_inside_the_feasible_range_are_stable_and_just_outside_not() 
         assert not -0.5 * pi < lean < 0.5 * pi or not stable(lean)
 
 
+# At 9 m/s it sinks by 1 m/s, as the level one does, and by half of what it flies faster.
+STEEP = LEVEL._replace(c0=-3.5, c1=0.5)
+
+
+@pytest.mark.parametrize(("eta_deg", "stable"), [(22.0, False), (25.0, True), (28.0, True)])
+def test_in_an_oblique_wind_sliding_changes_the_airspeed_by_less(
+    eta_deg: float, stable: bool
+) -> None:
+    """ṡ sin η = w − sink(√((u − ṡ cos η)² + v²)), solved beside the upper crossing.
+
+    Only the wind's share along x, cos 30°, counts: returning ends at tan η = 0.5 cos 30°, 23.4°,
+    and not at atan 0.5, 26.6°.
+    """
+    eta, askew = radians(eta_deg), Dome(1.0, oblique_rad=radians(30.0))
+    place = crossings(askew, STEEP, 0.0, 0.0, eta, 1.5)[-1]
+    assert (place.x_m, place.z_m) == pytest.approx((cos(eta), sin(eta)), abs=1e-5)
+    for off_m in (-1e-3, 1e-3):
+        x_m, z_m = (1.0 + off_m) * cos(eta), (1.0 + off_m) * sin(eta)
+        u, v, w = askew.wind_at(x_m, 0.0, z_m, 0.0)
+
+        def misses(rate: float, u: float = u, v: float = v, w: float = w) -> float:
+            return rate * sin(eta) - w + polar_sink(STEEP, hypot(u - rate * cos(eta), v))
+
+        assert (off_m * brentq(misses, -0.5, 0.5) < 0.0) == stable
+    assert place.stable == stable
+
+
+def test_in_an_oblique_wind_flatter_lines_are_feasible() -> None:
+    """On the dome's top, where excess updraft falls straight up: as above."""
+    low, high = feasible_leans(Dome(1.0, oblique_rad=radians(30.0)), STEEP, 0.0, 1.0)
+    assert low + 0.5 * pi == pytest.approx(atan(0.5 * cos(radians(30.0))))
+    assert high + 0.5 * pi == pytest.approx(pi)
+
+
 def test_lower_branch_of_a_hill_has_no_stable_line_that_can_be_flown() -> None:
     """Near the hill's foot excess grows upwards: only a line that lies on its back is stable."""
     places = crossings(HILL, LEVEL, -40.0, 15.0, 0.5 * pi, 15.0)
@@ -209,6 +248,14 @@ def test_undefined_outside_the_polar_and_the_field() -> None:
     assert np.isnan(values[1:]).all()  # too fast on top; in the hill
     assert np.isnan(excess_at(HILL, narrow, 0.0, 21.0))
     assert excess_at(HILL, narrow, -30.0, 20.0) == pytest.approx(values[0])
+
+
+def test_a_wind_from_behind_is_no_airspeed() -> None:
+    """Who stands in it would fly backwards: no place of the contour, however it lifts."""
+    behind = Dome(1.0, oblique_rad=pi)
+    assert isnan(excess_at(behind, LEVEL, 0.3, 0.2))
+    assert np.isnan(excess_updraft(behind, LEVEL, 0.3, 0.2))
+    assert crossings(behind, LEVEL, 0.0, 0.0, radians(80.0), 1.5) == []
 
 
 @pytest.mark.parametrize(

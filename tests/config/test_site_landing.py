@@ -57,3 +57,16 @@ def test_without_one_no_landing_place_is_known() -> None:
     path = site_file("tunnel")
     values = load_parameters(load_airframe(AIRFRAME), AIRFRAME, load_site(path), path)
     assert values["LND_LEN"] == 0.0
+
+
+@pytest.mark.parametrize(("wind_deg", "bearing_deg"), [(350.0, 10.0), (10.0, -10.0), (-5.0, 355.0)])
+def test_a_bearing_on_the_other_side_of_north_is_near_the_wind(
+    tmp_path: Path, wind_deg: float, bearing_deg: float
+) -> None:
+    path = site_with(tmp_path, STRIP.replace("290.0", f"{bearing_deg}"))
+    text = path.read_text(encoding="utf-8")
+    assert "wind_from_deg = 270.0" in text
+    path.write_text(text.replace("wind_from_deg = 270.0", f"wind_from_deg = {wind_deg}"))
+    landing = load_site(path).landing
+    assert landing is not None
+    assert landing.bearing_deg == bearing_deg

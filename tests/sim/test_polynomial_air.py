@@ -44,6 +44,17 @@ def test_a_polynomial_stands_in_for_the_jet_it_follows() -> None:
         assert ours != theirs
 
 
+def test_before_an_oblique_ridge_only_what_blows_across_it_is_lifted() -> None:
+    """As of the air that it follows: cos 30° of the wind is, and sin 30° blows along the ridge."""
+    air = polynomial(HILL, x_m=(-16.0, -4.0), z_m=(8.0, 16.0))
+    straight, askew = build_field(air), build_field(air, oblique_rad=radians(30.0))
+    for x_m, z_m in ((-6.2, 14.2), (-10.0, 9.0)):
+        u, _, w = straight.wind_at(x_m, 0.0, z_m, 0.0)
+        across, along, up = askew.wind_at(x_m, 0.0, z_m, 0.0)
+        assert (across, up) == pytest.approx((0.75**0.5 * u, 0.75**0.5 * w))
+        assert along == pytest.approx(-0.5 * 7.0)
+
+
 def test_its_ground_and_its_sides_are_those_of_what_it_follows() -> None:
     air = polynomial(JET)
     field = build_field(air)
