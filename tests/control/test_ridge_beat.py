@@ -268,7 +268,9 @@ def test_it_returns_to_the_middle_and_into_the_wind() -> None:
     assert straight < 4000  # within twenty seconds
 
 
-@pytest.mark.parametrize("y_m", [0.0, MIDDLE_M - 0.1, -MIDDLE_M + 0.1, MIDDLE_M + 0.1])
+@pytest.mark.parametrize(
+    "y_m", [0.0, MIDDLE_M - 0.1, -MIDDLE_M + 0.1, MIDDLE_M + 0.1, -MIDDLE_M - 0.1]
+)
 @pytest.mark.parametrize("cross_mps", [0.0, 3.0])
 def test_it_is_back_where_a_line_can_be_captured(y_m: float, cross_mps: float) -> None:
     felt = air(wind_mps=8.0, cross_wind_mps=cross_mps)

@@ -115,6 +115,15 @@ def test_it_goes_on_for_a_while_and_fades() -> None:
     assert all(b >= a - 0.01 for a, b in itertools.pairwise(fractions))  # no step down
 
 
+def test_each_call_begins_the_wait_for_the_next_anew() -> None:
+    """Gusts call by turns: the second counts from the last call, so that no pause closes it."""
+    state = after(SINKING, 2.0)
+    for _ in range(4):
+        state = after(CARRIED, 0.6 * HOLD_S, state)
+        assert (state.standing, state.called) == (OPEN, NOWHERE)
+        state = after(SINKING, 0.1, state)
+
+
 @pytest.mark.parametrize(
     "uncertain",
     [

@@ -98,6 +98,17 @@ def test_soaring_is_claimed_after_six_still_seconds() -> None:
     assert after(8.0).status == SOARING
 
 
+def test_a_line_that_is_to_go_elsewhere_has_its_six_seconds_there() -> None:
+    """What the aircraft was still for belongs to the line before, though the new one should not
+    have begun to slide by the next look."""
+    there = GOOD._replace(target=TargetLine(3.0, 10.0, ETA))
+    sent = search_step(
+        after(CLAIM_S - 1.0), GUARDS, there._replace(stays=False), 0.0, 10.0, False, DT_S
+    )
+    assert after(CLAIM_S - 0.6, there, state=sent).status == LOOKING
+    assert after(CLAIM_S + 2.0, there, state=sent).status == SOARING
+
+
 @pytest.mark.parametrize(
     "hindered",
     [
