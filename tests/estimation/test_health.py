@@ -271,6 +271,23 @@ def test_a_frozen_position_is_as_old_as_its_last_change() -> None:
     assert not watch.health.faults & h.FROZEN
 
 
+def test_a_frozen_position_whose_stamps_go_back_is_found_out_as_soon() -> None:
+    """Its last change lies in what is now the future: it counts from where the stamps went on."""
+    still: dict[str, Any] = {
+        "north_m": 1.5, "east_m": 1.0, "down_m": -2.0, "velocity_east_mps": 0.5,
+    }  # fmt: skip
+    watch = Watch().run(896).run(64, position=position(**still))
+    assert not watch.reported & h.FROZEN
+
+    def behind(inputs: Inputs, _: int) -> PositionFix:
+        return inputs.position._replace(**still, time_s=inputs.time_s - 5.0)
+
+    watch.run(129, position=behind)  # the limit itself, one second
+    assert not watch.health.faults & h.FROZEN
+    watch.run(1, position=behind)
+    assert watch.health.faults & h.FROZEN
+
+
 @pytest.mark.parametrize("velocity", [0.0, nan])
 def test_a_position_that_says_that_it_stands_still_may(velocity: float) -> None:
     """With velocities of zero; or without any, of an aircraft that does not turn either."""

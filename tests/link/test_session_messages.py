@@ -354,6 +354,7 @@ def test_a_new_clock_of_ours_forgets_all_that_was_timed_by_the_old_one() -> None
     assert talk.status.time_s == 5.0
     assert talk.presence.is_alone(5.0)
     is_begun_anew(talk, 5.0)
+    assert isnan(talk.receiver.known(99.4)[0])  # not even where the new one comes to that time
     for i in range(100):  # nor was the estimator silent for as long as the clocks are apart
         talk.poll(5.0 + 0.05 * i)
     assert not any("estimator" in text for _, text in talk.notices)

@@ -247,6 +247,22 @@ def test_what_is_not_sane_is_left_for_what_may_be() -> None:
     assert back == pytest.approx(5.0 + DISTRUST_S, abs=0.02)
 
 
+def test_what_was_found_of_the_source_before_is_not_held_against_the_next() -> None:
+    """The estimate forgets within `DWELL_S`: until then it may be the one before that was not sane.
+    Taken for the next one, both would be suspect, and the first be taken back at once."""
+    sources = PositionSources((LOCAL_POSITION, MOCAP))
+    hang(sources, 0.0, 5.0)
+    sources.distrust(5.0)
+    ((left, _),) = hang(sources, 5.0, 5.5)
+    for after_s in (0.5, DWELL_S - 0.01):
+        sources.distrust(left + after_s)
+    assert hang(sources, 5.5, 14.9) == []
+    assert sources.chosen == MOCAP
+    sources.distrust(14.9)  # long after: of this one
+    ((_, chosen),) = hang(sources, 14.9, 15.1)
+    assert chosen == LOCAL_POSITION
+
+
 def test_rate_and_distance_are_known() -> None:
     sources = PositionSources((MOCAP, LOCAL_POSITION))
     play(

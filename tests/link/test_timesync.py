@@ -174,3 +174,21 @@ def test_answers_to_others_and_answers_twice_say_nothing() -> None:
     assert trip.round_trip_s == pytest.approx(0.1)
     trip.restart()
     assert trip.round_trip_s != trip.round_trip_s
+
+
+def test_after_a_restart_the_way_is_measured_anew() -> None:
+    """Another autopilot, or another line, may be slower from its first answer on: no queue."""
+    trip = RoundTrip()
+
+    def answers(begin: int, count: int, way_s: float) -> None:
+        for second in range(begin, begin + count):
+            question = trip.poll(float(second))
+            assert question is not None
+            trip.take(Timesync(1, question.ts1), second + way_s)
+
+    answers(0, 5, 0.01)
+    trip.restart()
+    answers(10, 5, 0.01 + 2.0 * SLACK_S)
+    assert trip.queue_s == 0.0
+    answers(20, 12, 0.01 + 4.0 * SLACK_S)
+    assert trip.queue_s == pytest.approx(SLACK_S)

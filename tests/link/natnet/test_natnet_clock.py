@@ -107,3 +107,18 @@ def test_without_echoes_the_bounds_go_apart_as_two_quartzes_may() -> None:
     grown_s = server.clock.uncertainty_s - known_s
     # Half of it, as it is half of the bounds' distance.
     assert grown_s == pytest.approx(0.5 * DRIFT * 20.0, rel=0.01)
+
+
+@pytest.mark.parametrize("echoes", [False, True])
+def test_frames_that_were_held_up_and_come_at_once_are_no_other_clock(echoes: bool) -> None:
+    """Three frames of a hundredth of a second, late by more than a second, within a millisecond:
+    their stamps fit each other and nothing else.  A clock that is another one goes on."""
+    server = Server(echoes=echoes)
+    server.run(3.0)
+    stamp_s = server.now_s - 1.5 + BEGAN_S
+    for i in range(4):
+        assert not server.clock.stamped(stamp_s + 0.005 * i, server.now_s + 2e-4 * i)
+    assert server.clock.restarts == 0
+    assert abs(server.error_s) <= DELAY_S + 1e-6
+    server.run(1.0)
+    assert server.refused == 0
