@@ -364,7 +364,12 @@ def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> 
 
 
 def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
-    for item, words in ((0, "at item 0"), (None, "at an item that it does not tell")):
+    """Before its landing, behind it (a mission may go on there, or go around), or nobody knows."""
+    for item, words in (
+        (0, "at item 0"),
+        (len(LANDING_ITEMS), "at item 4"),
+        (None, "at an item that it does not tell"),
+    ):
         firmware, said = Firmware("ardupilot"), Reported()
         landing = landing_by(firmware, said, 1.0)
         landing.tick(output_of(flight, LANDING, 1.0))

@@ -24,7 +24,8 @@ from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.config.parameter_store import Identity, ParameterStore
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.link.decoder import Decoder
-from tgl_soar.link.signing_keys import save_key
+from tgl_soar.link.signing import TICKS_PER_S
+from tgl_soar.link.signing_keys import RESERVE_S, save_key
 from tgl_soar.onboard import process, watchdog
 from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.process import EXIT_ERROR, EXIT_LINK_NOT_READY, EXIT_OK
@@ -32,6 +33,7 @@ from tgl_soar.onboard.setup import setup_from
 from tgl_soar.onboard.surface_control import RELEASE_FRAMES
 from tgl_soar.onboard.watchdog import (
     EXIT_KEEPS_DYING,
+    HANGS_FLYING_S,
     IGNORED,
     Child,
     ProcessHeartbeat,
@@ -455,6 +457,30 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
     assert pilot.asked == asked
     assert not any("does not leave" in text for text in pilot.texts)
     assert any("surfaces released" in text for text in pilot.texts)
+
+
+def test_the_release_for_a_dead_process_is_signed_beyond_all_that_it_has_signed() -> None:
+    """It was shown before the last frames, and who has received these takes an older stamp for a
+    record: of a process that hung, those of half a second at 400 Hz, four a tick.  And it stays
+    below what was reserved for it, where its successor begins."""
+    key, shown = bytes(range(1, 33)), 40 * 366 * 86_400 * TICKS_PER_S
+    setup = setup_from(load_airframe(AIRFRAME), load_site(SITE), ParameterSet())
+    stamps = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as pilot:
+        pilot.bind(("127.0.0.1", 0))
+        pilot.setblocking(False)
+        link = f"udpout:127.0.0.1:{pilot.getsockname()[1]}"
+        options = RunOptions(airframe=AIRFRAME, site=SITE, links=(link,))
+        sign = Sign(
+            rounds=1, timestamp=shown, has_surfaces=True, version1=False, host="", port=0, key=key
+        )
+        hand_over(setup, options, sign, "was killed")
+        with suppress(BlockingIOError):
+            while True:
+                stamps.append(int.from_bytes(pilot.recv(1000)[-12:-6], "little"))
+    assert len(stamps) >= RELEASE_FRAMES
+    assert min(stamps) > shown + max(4 * 200, round(HANGS_FLYING_S * TICKS_PER_S))
+    assert max(stamps) <= shown + round(RESERVE_S * TICKS_PER_S)
 
 
 def test_the_release_for_a_dead_process_outlasts_the_frame_that_it_was_writing() -> None:
