@@ -140,6 +140,15 @@ def test_a_frozen_position_repeats_under_new_stamps() -> None:
     assert [f.north_m for f in reported[8:30]] == [9.0, *(20 * [10.0]), 30.0]
 
 
+def test_a_position_that_freezes_again_stays_where_it_is_then() -> None:
+    twice = ("position.freeze start=0.095 for=0.1", "position.freeze start=0.295 for=0.1")
+    reported = [f.north_m for f in positions(*twice)]
+    assert reported[9:19] == 10 * [10.0]
+    assert reported[19:29] == [float(i) for i in range(20, 30)]
+    assert reported[29:39] == 10 * [30.0]
+    assert reported[39] == 40.0
+
+
 def test_numbers_are_lost_and_stamps_go_on() -> None:
     reported = positions("position.nan start=0.095 for=0.2 share=1")
     lost = [f for f in reported if isnan(f.north_m)]

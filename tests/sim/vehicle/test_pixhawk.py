@@ -478,6 +478,16 @@ def test_streams_stop_and_return_to_their_default() -> None:
     assert len(named(run(pixhawk, STEP_HZ)[GROUND], "LOCAL_POSITION_NED")) == 4
 
 
+def test_by_default_a_companion_is_streamed_nothing() -> None:
+    """As in ArduPlane, whose SRx rates of a companion's port are 0 until somebody sets them."""
+    pixhawk = make()
+    peer = companion(pixhawk)
+    peer.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, LOCAL_POSITION_NED, 20_000)
+    assert named(run(pixhawk, STEP_HZ)[COMPANION], "LOCAL_POSITION_NED")
+    peer.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, LOCAL_POSITION_NED, 0)
+    assert not named(run(pixhawk, STEP_HZ)[COMPANION], "LOCAL_POSITION_NED")
+
+
 def test_older_stations_ask_for_groups_of_streams() -> None:
     pixhawk = make()
     peer = ground(pixhawk)
