@@ -106,6 +106,15 @@ def test_the_least_of_all_places_is_given_and_named() -> None:
     assert 0.01 < given.elevator < 0.3
 
 
+@pytest.mark.parametrize("own_s", [0.0, 0.125])
+def test_the_airframe_s_own_delay_is_demanded_though_it_is_out_of_the_range(own_s: float) -> None:
+    low, high = FEW.ranges.latency_s
+    assert not low <= own_s <= high
+    few = FEW._replace(values=START.changed({"CMD_DELAY": own_s}), aircraft=0, grid=2)
+    delays = {place.known["CMD_DELAY"] for place in places_of(few, PLAIN).margin}
+    assert delays == {min(low, own_s), max(high, own_s)}
+
+
 def test_gains_that_ring_have_neither_margin_nor_e_rho() -> None:
     wild = with_gains(START, PLAIN, [1.0, 2.0, 8.5, 20.0, 3.0])
     given = given_by(places_of(FEW, PLAIN), wild)
