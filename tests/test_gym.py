@@ -191,6 +191,18 @@ def test_what_the_module_hands_over_ends_the_episode() -> None:
     assert why.startswith(("disengaged: ", "hit the board at x "))
 
 
+def test_what_ends_in_the_last_tick_of_its_time_is_not_cut_off_as_well() -> None:
+    """Who learns from it would else count on what comes after: there is nothing."""
+    time_s, why = dive(compile=False)
+    env = plain("surfaces", seconds=time_s)
+    env.reset(seed=1)
+    ended = truncated = False
+    while not (ended or truncated):
+        _, _, ended, truncated, info = env.step(np.array([-1.0, 0.0, 0.0]))
+    assert (ended, truncated) == (True, False)
+    assert (info["time_s"], info["ended"]) == (time_s, why)
+
+
 def test_what_is_hit_is_said_with_its_place() -> None:
     env = plain("line")
     env.reset(seed=1)

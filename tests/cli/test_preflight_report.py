@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from bench_bridge import AIRFRAME
 from msgspec.structs import replace
+from typer.testing import CliRunner
 
+from tgl_soar.cli import preflight
+from tgl_soar.cli.app import app
 from tgl_soar.cli.preflight import _margin_reported, _place_reported
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 
@@ -70,3 +74,24 @@ def test_of_a_model_that_is_not_complete_no_margin_is_known(
     values = load_parameters(plane, AIRFRAME, load_site(SITE), SITE)
     assert _margin_reported(plane, values)
     assert "no gain is checked" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "line", "margin", "code"),
+    [(0, True, True, 0), (1, True, True, 1), (0, False, True, 1), (0, True, False, 1)],
+)
+def test_any_one_thing_that_must_be_changed_is_in_the_exit_code(
+    vehicle: int, line: bool, margin: bool, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the vehicle, of the line, of the loops: a checklist goes by the code alone."""
+    for name, answer in (
+        ("Conversation", nullcontext()),
+        ("_read", None),
+        ("_place_reported", line),
+        ("_margin_reported", margin),
+        ("_reported", vehicle),
+    ):
+        monkeypatch.setattr(preflight, name, lambda *_, answer=answer, **__: answer)
+    files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
+    result = CliRunner().invoke(app, ["preflight", "--link", "udp:127.0.0.1:14550", *files])
+    assert result.exit_code == code, result.output
