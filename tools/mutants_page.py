@@ -1,4 +1,5 @@
-"""The page of mutants that no test notices, with the reasons that people have written into it."""
+"""The page of mutants that no test notices, with the reasons that people have written into it, and
+what they have written behind it."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from mutant_trials import BUDGET_S, Mutant, Verdict
 from mutations import LEFT_OUT
 
 NOT_LOOKED_AT: Final = "not looked at yet"
+WRITTEN: Final = "\n## Larger samples\n"  # from here on people write
 _TEXT: Final = """\
 # Mutants
 
@@ -20,8 +22,8 @@ shown here tried {tried}, drawn with seed {seed} from all {total} that are possi
 notice {noticed} ({fraction:.1f} %).
 
 Tests that need real time or compile kernels are left out; the others have {budget_s:.0f} s of
-processor time for each change. The reasons in the last table are written by hand, and a new run
-keeps them.
+processor time for each change. The reasons in the table of those that are not noticed, and all that
+stands behind it, are written by hand, and a new run keeps them.
 
 Some tests compare with reference results
 ([CONTRIBUTING.md](../CONTRIBUTING.md#tests-by-layer)): short flights and their messages, the
@@ -57,7 +59,9 @@ def reasons_of(page: str) -> dict[tuple[str, str, str], str]:
 
 
 def page_of(verdicts: dict[Mutant, Verdict], total: int, seed: int, root: Path, before: str) -> str:
-    """The page, with the reasons of the page before for what still goes unnoticed."""
+    """The page, with the reasons of the page before for what still goes unnoticed, and with what
+    people have written behind them."""
+    before, heading, written = before.partition(WRITTEN)
     reasons = reasons_of(before)
     tried, noticed = Counter[str](), Counter[str]()
     rows = []
@@ -71,7 +75,7 @@ def page_of(verdicts: dict[Mutant, Verdict], total: int, seed: int, root: Path, 
             change = _quoted(mutant.change.words)
             why = reasons.get((str(mutant.path), change, code), NOT_LOOKED_AT)
             rows.append(_row(f"`{mutant.path}:{mutant.change.line}`", change, code, why))
-    return _TEXT.format(
+    page = _TEXT.format(
         tried=len(verdicts),
         seed=seed,
         total=total,
@@ -82,6 +86,7 @@ def page_of(verdicts: dict[Mutant, Verdict], total: int, seed: int, root: Path, 
         doors="\n".join(_row(door, str(tried[door]), str(noticed[door])) for door in sorted(tried)),
         rows="\n".join(rows),
     )
+    return f"{page}{heading}{written}"
 
 
 def _quoted(code: str) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from mutant_trials import Mutant, Tried, Verdict, described, finished, found_slow, started
-from mutants_page import NOT_LOOKED_AT, page_of, reasons_of
+from mutants_page import NOT_LOOKED_AT, WRITTEN, page_of, reasons_of
 from mutate import all_mutants, named_mutants
 from mutations import LEFT_OUT, Mutation, changed
 from named_mutants import Named, mutation_of
@@ -265,4 +265,8 @@ def test_a_page_counts_by_folder_and_keeps_its_reasons(project: Path) -> None:
     # Somebody writes the reason; the line moves, and the reason goes along.
     explained = page.replace(NOT_LOOKED_AT, "x \\| y is z").replace("law.py:2`", "law.py:7`")
     assert reasons_of(page_of(verdicts, 77, 5, project, explained)) == {key: "x | y is z"}
+    behind = f"{WRITTEN}\nMade by hand:\n\n| of | noticed |\n|---|---|\n| `law.py` | 3 |\n"
+    again = page_of(verdicts, 77, 5, project, explained + behind)
+    assert again.endswith(behind)
+    assert page_of(verdicts, 77, 5, project, again) == again
     assert described(mutants[1], project).endswith("law.py:2: a | b  ->  a & b    [MOST = 4.0]")
