@@ -124,13 +124,6 @@ def test_a_leg_is_a_stand_of_the_line_in_flight() -> None:
     ]
 
 
-def test_a_leg_goes_on_while_the_position_is_held_and_while_it_recovers() -> None:
-    """Whoever judges a leg judges its gaps, too: else a flight would seem the better for them."""
-    modes = ["capturing", *["soaring"] * 3, "holding", *["soaring"] * 3, "recovering", "soaring"]
-    (found,) = stands(standing([0.0] * 10, [0.0] * 10, modes))
-    assert found[:2] == (0.0, 9.0)
-
-
 def test_a_leg_has_the_name_of_the_line_that_it_was_flown_on_and_no_other() -> None:
     """A parameter is a float of 32 bits, 1e-7 of itself off; whoever moves a line by hand drags it
     by centimetres, or turns it by a degree, and it is another then."""

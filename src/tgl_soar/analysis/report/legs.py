@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, hypot, nan, sin
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Crossing, stable_crossing
 from tgl_soar.analysis.logs.flight_data import FlightData
+from tgl_soar.control.supervisor import is_flying
+from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.sim.score import TAIL_S, LegScore, score_leg
 from tgl_soar.types import GlidePolar
 
@@ -22,7 +25,10 @@ LEAST_S = 2.0  # a shorter stand of the line is no leg: nothing can settle on it
 SAME_LINE_M = 0.005
 SAME_LINE_RAD = 0.01
 MOVED = 1e-4  # m or rad from one sample to the next: the line moves
-FLYING = ("capturing", "soaring", "holding", "recovering")  # modes in which the module steers
+# Modes in which the module steers; and of these those in which a line that stands is to be held:
+# not where it is thrown, looks elsewhere, or flies no line.
+FLYING: Final = tuple(name for mode, name in enumerate(MODE_NAMES) if is_flying(mode))
+HOLDING_LINE: Final = ("capturing", "soaring", "holding", "recovering")
 
 
 @dataclass(frozen=True)
@@ -78,12 +84,12 @@ def legs_of(
 
 
 def stands(flight: FlightData) -> list[tuple[float, float, Line]]:
-    """From when to when the line stood still while the module flew, and where."""
+    """From when to when the line stood still while the module held it there, and where."""
     line = flight.line
     if line is None:
         return []
     places = np.stack([line["x_m"], line["z_m"], line["eta_rad"]])
-    still = (line["moving"] == 0.0) & flying_at(flight, line.time_s)
+    still = (line["moving"] == 0.0) & holding_line_at(flight, line.time_s)
     still &= np.isfinite(places).all(axis=0)
     moved = np.any(np.abs(np.diff(places, axis=1)) > MOVED, axis=0)
     breaks = np.flatnonzero(moved | (np.diff(still) != 0)) + 1
@@ -96,13 +102,13 @@ def stands(flight: FlightData) -> list[tuple[float, float, Line]]:
     return found
 
 
-def flying_at(flight: FlightData, time_s: Floats) -> NDArray[np.bool_]:
-    """When the module was engaged; all along where the log tells no mode of it."""
+def holding_line_at(flight: FlightData, time_s: Floats) -> NDArray[np.bool_]:
+    """When the module held the aircraft on a line; all along where the log tells no mode of it."""
     if not flight.modes:
         return np.ones(len(time_s), dtype=bool)
     begins = np.array([change.time_s for change in flight.modes])
-    flies = np.array([False, *(change.name in FLYING for change in flight.modes)])
-    return flies[np.searchsorted(begins, time_s, side="right")]
+    holds = np.array([False, *(change.name in HOLDING_LINE for change in flight.modes)])
+    return holds[np.searchsorted(begins, time_s, side="right")]
 
 
 def _name(line: Line, named: Mapping[str, Line]) -> str:
