@@ -262,6 +262,38 @@ print(watchdog.watch({child}, lambda _sign, became: print("released:", became), 
 """
 
 
+# Each life begins a quarter of a minute after the one before, by the watchdog's clock.
+SELDOM = """
+import os, signal
+from tgl_soar.onboard import watchdog
+
+lives, start, clock_s = 0, watchdog._start, watchdog.clock_s
+
+def counted(*given):
+    global lives
+    lives += 1
+    return start(*given)
+
+def dies(heartbeat, became):
+    if lives <= watchdog.RESTARTS + 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 0
+
+watchdog._start, watchdog.clock_s = counted, lambda: clock_s() + 15.0 * lives
+print(watchdog.watch(dies, lambda *_: None, print), lives)
+"""
+
+
+@pytest.mark.interpreted
+def test_what_dies_now_and_then_is_started_again_however_often() -> None:
+    """Four times in a minute, and seven in all: those of hours ago say nothing of now."""
+    done = subprocess.run(
+        [sys.executable, "-c", SELDOM],
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[-1] == f"0 {watchdog.RESTARTS + 3}", done.stdout + done.stderr
+
+
 def watched(child: str) -> list[str]:
     """What is printed around one of these, and the time that it takes in the end."""
     begun_s = time.monotonic()
