@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.sim.bridge.command_line import parsed
 from tgl_soar.sim.sitl import busy_hint, fly, plan
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
+from tgl_soar.sim.sitl_processes import bridge_command
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
@@ -86,3 +88,10 @@ def test_parameters_of_the_module_are_set_with_each_leg(tmp_path: Path) -> None:
     for wrong, says in ((("TGL_HODL", 1.0), "no such parameter"), (("TGL_HOLD", 3.0), "allowed 0")):
         with pytest.raises(SitlError, match=says):
             plan(site, values, options(tmp_path, settings=(wrong,)))
+
+
+def test_the_bridge_s_aircraft_has_a_pitot_tube_unless_it_is_to_have_none(tmp_path: Path) -> None:
+    for pitot in (True, False):
+        asked = options(tmp_path, pitot=pitot)
+        words = bridge_command(asked, tmp_path / "truth.csv", "127.0.0.1:9", "127.0.0.1:10", "")
+        assert parsed(words[3:]).simulation.pitot == pitot

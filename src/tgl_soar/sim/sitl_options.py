@@ -24,6 +24,7 @@ class SitlOptions:
     seed: int = 1
     turbulence: float | None = None  # fraction of the reference wind; None: the site's
     receiver: str = "local"  # as the bridge spells it
+    pitot: bool = True  # the aircraft has a tube
     realtime: bool = False
     faults: tuple[str, ...] = ()  # as they are written (`sim.faults`)
     mocap: bool = False  # the position comes as NatNet, from a stand-in for Motive

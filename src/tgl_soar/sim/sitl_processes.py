@@ -72,6 +72,8 @@ def bridge_command(
     ]
     if options.model is not None:
         command += ["--model", options.model]
+    if not options.pitot:
+        command.append("--no-pitot")
     if options.autopilot == "builtin":
         command += ["--autopilot-parameter", f"RC_OVERRIDE_TIME={OVERRIDE_TIME_S:g}"]
     else:
