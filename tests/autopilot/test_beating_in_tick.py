@@ -217,6 +217,19 @@ def test_where_it_may_do_either_it_beats() -> None:
     assert conditions_of(SOARING, found=NEAR_LINE, **home) == BREAK_OFF
 
 
+@pytest.mark.parametrize("found", [SETTLES, NEAR_LINE])
+@pytest.mark.parametrize("auto", [0.0, 2.0])
+def test_a_line_that_it_falls_off_in_a_lull_is_left_to_beat(found: int, auto: float) -> None:
+    """A wind that dies fast takes it off the line before the two seconds of a lull are over."""
+    half = Lull(0.5 * SLOW_S, 0.0)
+    assert conditions_of(SOARING, found=found, lull=half, ESC_AUTO=auto) == BEAT
+    otherwise = BREAK_OFF if auto else 0
+    shorter = Lull(0.5 * SLOW_S - 0.01, 0.0)
+    for changes in ({"lull": shorter}, {"lull": half, "BEAT_AUTO": 0.0}):
+        assert conditions_of(SOARING, found=found, ESC_AUTO=auto, **changes) == otherwise
+    assert conditions_of(SOARING, lull=half) == 0  # it is still on the line
+
+
 def test_beating_needs_room() -> None:
     world = FLOWN.loop.world
 

@@ -239,14 +239,17 @@ def with_way_home(
     Where it may break off by itself and there is height for a landing, a line that is given up is
     left for home, and so is one along which it sinks to ESC_CLEAR within SINKS_S, for LOW_S, and
     one in a wind that is slower than the aircraft flies by more than its standard deviation, for
-    SLOW_S; and so is recovering that has lasted for half of its time.
+    SLOW_S; and so is recovering that has lasted for half of its time.  To beat, half of SLOW_S will
+    do where the line is given up.
     """
     home, mode = laws.landing, supervisor.mode
     flown = modes.SETTLES | modes.NEAR_LINE
     on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
     given_up = on_line and found & flown != flown
     low, slow = state.lull.low_s >= LOW_S, state.lull.slow_s >= SLOW_S
-    cannot_stand = slow or (on_line and state.beat.oblique_s >= ridge_beat.VEER_S)
+    # In a wind that dies fast it falls off its line before that.
+    cannot_stand = slow or (given_up and state.lull.slow_s >= 0.5 * SLOW_S)
+    cannot_stand = cannot_stand or (on_line and state.beat.oblique_s >= ridge_beat.VEER_S)
     if laws.beat.auto and cannot_stand and not low and can_beat(laws, estimates):
         return found | modes.BEAT
     if not (home.auto and home.asked == landing.STAY and state.escape.armed):
