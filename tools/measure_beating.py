@@ -66,12 +66,12 @@ SLOW_MPS: Final = 5.0  # on average
 FALLS_S: Final = 60.0  # ArduPlane has aligned by then, and the module stands
 SLOW_S: Final = 240.0  # with both ramps
 RAMP_S: Final = 10.0
-AFTER_S: Final = 40.0  # once the wind is back
+AFTER_S: Final = 60.0  # once the wind is back
 ENDS_S: Final = FALLS_S + SLOW_S + AFTER_S
 AUTO: Final = 2  # ESC_AUTO, as the experiment has it
 RECORD: Final = "wind.csv"
 WATCH_S: Final = 5.0  # where it disengages by itself
-STOOD_S: Final = {"builtin": 4.0, "ardupilot": 40.0}  # when its line stands, about
+STOOD_S: Final = {"builtin": 4.0, "ardupilot": 26.0}  # when its line stands, about
 NO_PITOT: Final = {"builtin": (), "ardupilot": ("ARSPD_TYPE=0",)}
 SEEDS: Final = (1, 2, 3)
 NEVER: Final = "–"
@@ -195,12 +195,14 @@ def modes_of(folder: Path, times: Floats) -> Floats:
 
     In lockstep its clock is the vehicle's, and so is the truth's.  Errors: `SitlError`.
     """
-    paths = sorted(folder.glob("logs/*/*.ulg"))
-    if not paths:
+    parts = [read_log(path).topics["tick"] for path in sorted(folder.glob("logs/*/*.ulg"))]
+    if not parts:
         raise SitlError(f"{folder}: the module has left no log")
-    ticks = read_log(paths[-1]).topics["tick"]
-    rows = np.searchsorted(ticks["timestamp"] * 1e-6, times, side="right") - 1
-    modes: Floats = ticks["mode"][np.maximum(rows, 0)].astype(float)
+    ticks = np.concatenate([part["timestamp"] for part in parts]) * 1e-6
+    mode = np.concatenate([part["mode"] for part in parts]).astype(float)
+    order = np.argsort(ticks, kind="stable")
+    rows = np.searchsorted(ticks[order], times, side="right") - 1
+    modes: Floats = mode[order][np.maximum(rows, 0)]
     return modes
 
 

@@ -105,6 +105,10 @@ def test_a_flight_that_never_beats_has_no_numbers(tmp_path: Path) -> None:
     assert words(found) == "– | 0 | 0 | –, –, – | – | –, – | – | released"
 
 
+# The module comes when the firmware has booted, and a long flight has a log of parts.
+PARTS = {"flight.ulg": (30.0, 200.0), "flight_part2.ulg": (200.0, ENDS_S)}
+
+
 class Process:
     """Takes the place of `sitl.fly`: a flight as above, and the module's log of it."""
 
@@ -116,14 +120,16 @@ class Process:
 
     def fly(self, options: SitlOptions, _: Any) -> Any:
         self.asked.append(options)
-        log = options.out / "logs" / "today" / "flight.ulg"
-        log.parent.mkdir(parents=True)
-        log.touch()
+        folder = options.out / "logs" / "today"
+        folder.mkdir(parents=True)
+        for name in PARTS:
+            (folder / name).touch()
         (options.out / "module.log").write_text(self.said)
         return SimpleNamespace(truth=truth())
 
-    def read(self, _: Path) -> Any:
-        times = np.arange(30.0, ENDS_S, 0.005)  # it comes when the firmware has booted
+    def read(self, path: Path) -> Any:
+        begins, ends = PARTS[path.name]
+        times = np.arange(begins, ends, 0.005)
         return SimpleNamespace(topics={"tick": {"timestamp": 1e6 * times, "mode": modes(times)}})
 
 
