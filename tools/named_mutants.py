@@ -68,6 +68,18 @@ NAMED: Final = (
         "        blocked = 0\n",
         "the outer loop is not told that the elevator is blocked",
     ),
+    Named(
+        "control/throttle.py",
+        "    quiet_s = 0.0 if called != NOT_CALLED else state.quiet_s + dt_s",
+        "    quiet_s = state.quiet_s + (0.0 if called != NOT_CALLED else dt_s)",
+        "pauses between calls of the throttle add up",
+    ),
+    Named(
+        "control/search/search.py",
+        "        still_s=state.still_s if plan.stays else 0.0,",
+        "        still_s=state.still_s,",
+        "a line counts as still for the time before it was sent there",
+    ),
     # The estimators.
     Named(
         "estimation/position_fixes.py",
@@ -117,6 +129,12 @@ NAMED: Final = (
         "average.force_z_mps2,",
         "the bias takes a change of speed for its own (z)",
     ),
+    Named(
+        "estimation/health.py",
+        "        found |= BACKWARDS\n        changed_s = time_s\n",
+        "        found |= BACKWARDS\n",
+        "a frozen position whose stamps went back is not found out",
+    ),
     # The links.
     Named(
         "link/signing.py",
@@ -142,6 +160,30 @@ NAMED: Final = (
         "            self._low_s += DRIFT * elapsed_s\n",
         "the clock's bounds close in with time",
     ),
+    Named(
+        "link/session.py",
+        "        self.receiver.restarted()\n        self.vehicle.rebase(now_s)",
+        "        self.vehicle.rebase(now_s)",
+        "the receiver's accuracy outlives the clock",
+    ),
+    Named(
+        "link/sources.py",
+        "        if self.chosen and now_s - self._since_s >= DWELL_S:",
+        "        if self.chosen:",
+        "the source just taken is distrusted for the one before",
+    ),
+    Named(
+        "link/natnet/clock.py",
+        "        return self._odd >= RESET_STAMPS and arrival_s - self._odd_from_s >= RESET_S",
+        "        return self._odd >= RESET_STAMPS",
+        "a burst of late frames is another clock",
+    ),
+    Named(
+        "link/timesync.py",
+        "        self.queue_s, self._quickest_s = 0.0, inf",
+        "        self.queue_s = 0.0",
+        "the quickest way of another line is kept",
+    ),
     # The world.
     Named("air/jet.py", "SPREADING = 11.0", "SPREADING = 13.0", "the jet spreads less"),
     Named(
@@ -155,6 +197,18 @@ NAMED: Final = (
         "    force_bias_mps2=0.10,\n    rate_noise_radps=0.01,\n    rate_bias_radps=0.002,\n",
         "    force_bias_mps2=0.0,\n    rate_noise_radps=0.01,\n    rate_bias_radps=0.002,\n",
         "accelerometers without a bias",
+    ),
+    Named(
+        "air/zeuc.py",
+        "        slides = tz > polar_slope(polar, speed) * tx * u / speed",
+        "        slides = tz > polar_slope(polar, speed) * tx",
+        "a line's stability forgets that the wind is oblique",
+    ),
+    Named(
+        "sim/world.py",
+        "        return _blown(_polynomial_field(air, folder), None, folder, oblique_rad)",
+        "        return _blown(_polynomial_field(air, folder), None, folder, 0.0)",
+        "a polynomial field is never oblique",
     ),
     # What is made of a flight.
     Named("sim/score.py", "TAIL_S = 8.0", "TAIL_S = 2.0", "a leg's end is a quarter as long"),
@@ -199,6 +253,18 @@ NAMED: Final = (
         "        all(n <= HONEST_MOST for s",
         "        True or all(n <= HONEST_MOST for s",
         "every standard deviation is honest",
+    ),
+    Named(
+        "analysis/replay/many.py",
+        "        left_out=found.left_out,",
+        "        left_out=0,",
+        "ticks left out of a replay are in no line",
+    ),
+    Named(
+        "cli/page/orders.py",
+        "            self._commands.pop(ENGAGE, None)\n",
+        "",
+        "an engagement is asked for again after an abort",
     ),
 )
 
