@@ -20,7 +20,7 @@ LAWS = (
     "autopilot/test_stall_margin_in_tick.py", "control/test_brake_shake.py",
     "control/test_brake_watch.py", "control/test_stream_conditions.py",
     "estimation/test_cross_wind.py", "estimation/test_motion_filter.py", "estimation/test_wind.py",
-    "onboard/test_attitude_route.py", "onboard/test_clocks_onboard.py",
+    "onboard/test_attitude_route.py", "onboard/test_onboard_clocks.py",
     "onboard/test_duplicate_autopilot.py", "onboard/test_duplicate_modules.py",
     "onboard/test_excitation_switch.py", "onboard/test_gnss_watch.py", "onboard/test_kept_wire.py",
     "onboard/test_search_switch.py", "onboard/test_station_watch.py",

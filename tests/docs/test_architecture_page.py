@@ -134,6 +134,16 @@ def test_every_class_and_constant_that_the_page_names_is_there() -> None:
     assert {"TRANSITIONS", "TRIES"} <= plain
 
 
+def test_the_classes_of_the_diagrams_are_in_the_files_beside_them() -> None:
+    table = PAGE.partition("| class | what it is | file |")[2].partition("\n\n")[0]
+    rows = [line.split("|")[1:4] for line in table.splitlines() if line.startswith("| `")]
+    assert len(rows) >= 10
+    for classes, _, files in rows:
+        source = "".join((SOURCE / name).read_text() for name in re.findall(r"`(.*?)`", files))
+        for name in re.findall(r"`(.*?)`", classes):
+            assert re.search(rf"(?m)^class {name}\b", source), name
+
+
 def test_every_file_that_the_page_names_is_there() -> None:
     text = re.sub(r"\]\(.*?\)", "]", PAGE)  # links have a test of their own
     named = set(re.findall(r"\b((?:\w+/)+(?:\w+\.py)?)", text))

@@ -15,7 +15,8 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 TASKS = ("A parameter", "A sensor", "A source of position", "A MAVLink message", "A firmware",
-         "An experiment", "A column of the log", "A limit in the supervisor's table")  # fmt: skip
+         "An experiment", "A column of the log", "A limit in the supervisor's table",
+         "A control surface")  # fmt: skip
 
 
 def files_in(text: str) -> set[str]:
