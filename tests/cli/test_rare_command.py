@@ -132,7 +132,7 @@ def test_an_earlier_result_is_not_written_over_unasked(tmp_path: Path) -> None:
     (tmp_path / "rare.json").write_text("earlier")
     refused = CliRunner().invoke(app, words)
     assert refused.exit_code == 2
-    assert "--restart writes over it" in " ".join(refused.stderr.split())
+    assert "--restart overwrites it" in " ".join(refused.stderr.split())
     assert (tmp_path / "rare.json").read_text() == "earlier"
     done = CliRunner().invoke(app, [*words, "--restart"])
     assert done.exit_code == 0, done.output

@@ -138,7 +138,7 @@ def test_a_margin_below_the_floor_is_an_exit_code(tmp_path: Path) -> None:
     out = tmp_path / "t.toml"
     result = CliRunner().invoke(app, [*FEW, "--out", str(out), "--floor", "1"])
     assert result.exit_code == 1
-    assert "of 1: at " in result.output
+    assert "below 1: at " in result.output
     assert out.exists()  # with the margins that were reached
 
 

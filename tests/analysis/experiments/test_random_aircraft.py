@@ -96,7 +96,7 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
         "elevator's effect": ranges.pitch_effect,
         "ailerons' and rudder's effect": ranges.turn_effect,
         "mean wind": ranges.wind,
-        "what the brake does": ranges.brake,
+        "effect of the brake": ranges.brake,
     }
     for what, within in fractions.items():
         assert told[what] == fraction(*within), what

@@ -500,7 +500,7 @@ def test_what_was_lost_shows_in_the_exit_code(
         (("log", "info", "{head}"), "no row of any topic"),
         (("log", "export", "{log}", "--to", "netcdf", "--out", "/proc/x.nc"), "No such file"),
         (("replay", "{random}"), "not one MAVLink frame with a right checksum"),
-        (("replay", "{beats}"), "not one tick"),
+        (("replay", "{beats}"), "no tick could be run"),
         (("replay", "{x}"), "not a ULog"),
         (("replay", "{log}", "--param", "RHO_P"), "must be NAME=VALUE"),
         (("log", "info", "{x}"), "not a ULog"),
