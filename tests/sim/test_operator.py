@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf, isfinite
 from typing import Any
 
 import pytest
@@ -26,6 +27,8 @@ class Module:
         self.obeys = True
         self.loses = 0  # so many sets are lost on the way
         self.mode = 4.0
+        self.slides_mps = inf  # the line, along x
+        self._x_m, self._time_s = 0.0, 0.0
 
     def say(self, message: Any) -> None:
         self.operator.receive(bytes(message.pack(self.codec)))
@@ -35,9 +38,12 @@ class Module:
         boot_ms = round(time_s * 1e3)
         self.say(self.codec.heartbeat_encode(18, 8, 0, 0, 4))
         shown = {"soar_x": 0.0, "soar_mode": self.mode}
+        target_m, most_m = self.values.get("TGL_X", 0.0), self.slides_mps * (time_s - self._time_s)
+        self._x_m = min(target_m, self._x_m + most_m) if isfinite(most_m) else target_m
+        self._time_s = time_s
         if self.line_follows:
             shown |= {
-                "line_x": self.values.get("TGL_X", 0.0),
+                "line_x": self._x_m,
                 "line_z": self.values.get("TGL_Z", 0.0),
                 "line_lean": self.values.get("TGL_LEAN", 0.0),
             }
@@ -62,10 +68,14 @@ class Module:
 
 
 def run(module: Module, seconds: float) -> None:
+    run_on(module, 0.0, seconds)
+
+
+def run_on(module: Module, from_s: float, seconds: float) -> None:
     for i in range(round(seconds * 20)):
         if module.operator.done:
             return
-        module.second(i * 0.05)
+        module.second(from_s + i * 0.05)
 
 
 def test_called_again_without_news_it_does_nothing() -> None:
@@ -129,6 +139,26 @@ def test_a_line_that_never_arrives_ends_the_flight() -> None:
     module.line_follows = False
     with pytest.raises(OperatorError, match="did not come to its target"):
         run(module, 60.0)
+
+
+def test_a_line_that_is_on_its_way_is_waited_for() -> None:
+    """Over a large hill lines lie tens of metres apart, and one slides at 0.3 m/s."""
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    module.slides_mps = LEG.parameters["TGL_X"] / 70.0
+    run(module, 80.0)
+    assert operator.done
+    assert operator.flown[0].stopped_s - operator.flown[0].asked_s > 60.0
+
+
+def test_a_line_that_stops_on_its_way_ends_the_flight() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    module.slides_mps = LEG.parameters["TGL_X"] / 70.0
+    run(module, 30.0)
+    module.slides_mps = 0.0
+    with pytest.raises(OperatorError, match="did not come to its target within 40 s"):
+        run_on(module, 30.0, 45.0)
 
 
 def test_a_module_that_disengages_ends_the_flight() -> None:

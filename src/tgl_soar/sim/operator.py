@@ -19,7 +19,7 @@ from tgl_soar.config.parameters import as_wire_value
 RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
 LOOK_S = 1.0  # the position is watched for so long before engaging
-LEG_TIMEOUT_S = 40.0  # for a line to come to its target
+LEG_TIMEOUT_S = 40.0  # for a line that stands to begin to move, or to be at its target
 HOME_TIMEOUT_S = 180.0  # from breaking off to the ground
 SEARCH_TIMEOUT_S = 120.0  # for a search to find one
 WORDS_S = 0.5  # the reason of a release may come after it
@@ -57,6 +57,8 @@ class FlownLeg:
     ended_s: float = float("nan")
     by_hand: bool = False  # another ground station has moved the line meanwhile
     found: dict[str, float] = field(default_factory=dict)  # the line that a search has found
+    line: tuple[float, ...] = ()  # as it was last shown
+    moved_s: float = float("nan")  # when it was last shown elsewhere
 
 
 @dataclass
@@ -290,7 +292,11 @@ class Operator:
         """Errors: `OperatorError` after too long."""
         searches = flown.leg.searches
         limit_s = SEARCH_TIMEOUT_S if searches else LEG_TIMEOUT_S
-        if self.telemetry.time_s - flown.asked_s <= limit_s:
+        line = tuple(self.telemetry.values.get(name, 0.0) for name in LINE.values())
+        if line != flown.line:  # over a large hill it may be on its way for minutes
+            flown.line, flown.moved_s = line, self.telemetry.time_s
+        since_s = flown.asked_s if searches else flown.moved_s
+        if self.telemetry.time_s - since_s <= limit_s:
             return
         what = "no place to soar was found" if searches else "the line did not come to its target"
         raise OperatorError(
