@@ -140,6 +140,13 @@ z_m = [0.2, 2.8]"""
             ("slope_deg = 23", "slope_deg = 23, turbulence = { intensity = 0.01 }"),
             r"air: of.turbulence: the polynomial is of calm air; give it to \[air\]",
         ),
+        (
+            (
+                '"jet", wind_mps = 8.5, slope_deg = 23',
+                '"hill", wind_mps = 8.5, radius_m = 8, record = "a.csv"',
+            ),
+            "air: of.record: a polynomial is of a steady wind; leave it out",
+        ),
     ],
 )
 def test_a_polynomial_air_is_refused_with_the_way_out(
