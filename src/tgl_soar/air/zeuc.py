@@ -90,7 +90,7 @@ def excess_updraft(
     """E [m/s] at many places; NaN outside the polar's range and outside the field."""
     x, y, z = broadcast(x_m, y_m, z_m)
     u, v, w = field.wind(x, y, z, time_s)
-    speed = np.copysign(np.hypot(u, v), u)
+    speed = _head_wind(u, v)
     sink = polar.c0 + speed * (polar.c1 + speed * (polar.c2 + speed * polar.c3))
     defined = (speed >= polar.speed_min_mps) & (speed <= polar.speed_max_mps)
     places = zip(x.ravel().tolist(), y.ravel().tolist(), z.ravel().tolist(), strict=True)
@@ -111,6 +111,18 @@ def excess_at(
         return float("nan")
     u, v, w = field.wind_at(x_m, y_m, z_m, time_s)
     return w - polar_sink(polar, copysign(hypot(u, v), u))
+
+
+def _head_wind(u_mps: FloatArray, v_mps: FloatArray) -> FloatArray:
+    """U [m/s], negative where the wind comes from behind; `excess_at` has it for one place."""
+    speed: FloatArray = np.copysign(np.hypot(u_mps, v_mps), u_mps)
+    return speed
+
+
+def slope_along(polar: GlidePolar, u_mps: float, v_mps: float) -> float:
+    """d sink(U) / d u = S′ u / U [-]; NaN outside the polar's range, and in a wind from behind."""
+    speed = hypot(u_mps, v_mps)
+    return polar_slope(polar, speed) * (u_mps / speed) if u_mps > 0.0 else nan
 
 
 def excess_gradient(
@@ -169,15 +181,14 @@ def crossings(
             continue
         x, z = x0_m + s * tx, z0_m + s * tz
         u, v, w = map(float, field.wind_at(x, y_m, z, time_s))
-        speed = hypot(u, v)
         gx, gz = excess_gradient(field, polar, x, z, y_m, time_s)
         slope = float(gx * tx + gz * tz)
-        slides = tz > polar_slope(polar, speed) * tx * u / speed
+        slides = tz > slope_along(polar, u, v) * tx
         found.append(
             Crossing(
                 x_m=x,
                 z_m=z,
-                wind_mps=speed,
+                wind_mps=hypot(u, v),
                 updraft_mps=w,
                 excess_slope_per_s=slope,
                 stable=slope < 0.0 and slides,
@@ -349,7 +360,7 @@ def _why_no_contour(
     time_s: float,
 ) -> str:
     u, v, w = field.wind(x, y_m, z, time_s)
-    speed = np.copysign(np.hypot(u, v), u)
+    speed = _head_wind(u, v)
     where = f"x {x.min():.2f} … {x.max():.2f} m, z {z.min():.2f} … {z.max():.2f} m"
     speeds = f"{polar.speed_min_mps:.2f} … {polar.speed_max_mps:.2f} m/s"
     if not np.isfinite(values).any():
@@ -390,10 +401,9 @@ def feasible_leans(
     the excess updraft or its gradient is undefined.
     """
     u, v, _ = field.wind_at(x_m, y_m, z_m, time_s)
-    speed = hypot(u, v)
     gx, gz = excess_gradient(field, polar, x_m, z_m, y_m, time_s)
-    slope = polar_slope(polar, speed) * u / speed if u > 0.0 else nan
-    where = f"at x {x_m:.3f} m, z {z_m:.3f} m (wind {speed:.2f} m/s)"
+    slope = slope_along(polar, u, v)
+    where = f"at x {x_m:.3f} m, z {z_m:.3f} m (wind {hypot(u, v):.2f} m/s)"
     if not (isfinite(gx) and isfinite(gz) and isfinite(slope)):
         raise ZeucError(f"excess updraft is undefined {where}: choose a place of the contour")
     # E falls along t within 90° of the direction −∇E; sin η > S′ cos η from atan S′ on.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from math import hypot, nan, radians
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -26,7 +27,7 @@ from tgl_soar.config.parameters import ParameterError
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.onboard.setup import bounds_from
-from tgl_soar.sim.world import build_field
+from tgl_soar.sim.world import build_field, site_field
 
 A, C = GhostLine(0.20, 1.15, 15.0), GhostLine(1.05, 2.00, 15.0)
 
@@ -49,6 +50,32 @@ def test_it_settles_where_the_line_crosses_the_contour_of_the_air() -> None:
     # 1.04 m across the line at TGL_SLEW's 0.3 m/s take 3.5 s; what is left of the slide is short.
     assert ghost.settles_s is not None
     assert 3.0 < ghost.settles_s < 8.0
+
+
+def test_before_an_oblique_ridge_it_settles_by_the_whole_wind(tmp_path: Path) -> None:
+    """From 40° beside, the component across the ridge alone is less than the slowest glide."""
+    text = site_file("hill").read_text(encoding="utf-8")
+    for old, new in (
+        ("wind_from_deg = 270.0\n", "wind_from_deg = 310.0\nridge_deg = 0.0\n"),
+        ("wind_mps = 7.0", "wind_mps = 7.4"),
+        ("[parameters]\n", "[parameters]\nVEER_MAX = 60.0\n"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "site.toml"
+    path.write_text(text, encoding="utf-8")
+    airframe, site = load_airframe(AIRFRAME), load_site(path)
+    place = place_of(airframe, site, load_parameters(airframe, AIRFRAME, site, path), tmp_path)
+    line = GhostLine(site.lines["b"].x_m, site.lines["b"].z_m, 15.0)
+    eta_rad, polar = eta_from_lean(radians(15.0)), airframe.polar.as_polar()
+    crossing = stable_crossing(site_field(site, tmp_path), polar, (line.x_m, line.z_m, eta_rad))
+    assert crossing is not None
+    u, _, _ = site_field(site, tmp_path).wind_at(crossing.x_m, 0.0, crossing.z_m, 0.0)
+    assert u < polar.speed_min_mps < crossing.wind_mps
+    start = GhostStart(crossing.x_m + 0.1, crossing.z_m - 0.4, line)
+    ghost = place.foresight.ghost(place.values, line, start, flying=True)
+    assert ghost.words == ""
+    assert ghost.place == pytest.approx((crossing.x_m, crossing.z_m), abs=0.15)
 
 
 def test_the_simulated_aircraft_settles_at_the_ghost() -> None:

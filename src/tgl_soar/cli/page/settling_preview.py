@@ -18,7 +18,7 @@ from math import cos, hypot, isfinite, radians, sin
 from typing import Final, NamedTuple
 
 from tgl_soar.air.field import WindField
-from tgl_soar.air.zeuc import excess_at
+from tgl_soar.air.zeuc import excess_at, slope_along
 from tgl_soar.config.line_changes import LINE, Contour, LineChanges, Presets, crossings
 from tgl_soar.config.parameters import ParameterError, ParameterSet, as_wire_value
 from tgl_soar.control.line_bounds import LineBounds
@@ -31,7 +31,7 @@ from tgl_soar.control.target_line import (
     line_at,
     line_step,
 )
-from tgl_soar.types import GlidePolar, polar_slope
+from tgl_soar.types import GlidePolar
 
 STEP_S: Final = 0.1
 LONGEST_S: Final = 120.0
@@ -172,8 +172,8 @@ class Foresight:
         excess = excess_at(field, polar, x_m, z_m)
         if not isfinite(excess):
             return float("nan")
-        wind = field.wind_at(x_m, 0.0, z_m, 0.0)[0]
-        return excess / (sin(eta_rad) - polar_slope(polar, wind) * cos(eta_rad))
+        u, v, _ = field.wind_at(x_m, 0.0, z_m, 0.0)
+        return excess / (sin(eta_rad) - slope_along(polar, u, v) * cos(eta_rad))
 
 
 def _thin(path: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
