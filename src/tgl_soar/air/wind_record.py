@@ -193,13 +193,6 @@ def _lulls(times_s: FloatArray, wind: SyntheticWind, random: np.random.Generator
     return missing
 
 
-def steady_record(wind_mps: float, veer_rad: float) -> WindRecord:
-    """One that stays as it is.  Errors: ValueError beyond what a record may hold."""
-    if not abs(veer_rad) <= radians(VEER_MAX_DEG):
-        raise ValueError(f"a veer of {degrees(veer_rad):g} deg: at most {VEER_MAX_DEG:g}")
-    return WindRecord(Schedule([0.0], [wind_mps]), Schedule([0.0], [veer_rad]))
-
-
 def turned(record: WindRecord, veer_rad: float) -> WindRecord:
     """The record of a wind that has turned by so much more, as far as a record may."""
     most = radians(VEER_MAX_DEG)
@@ -246,3 +239,16 @@ class RecordedField:
     def inside(self, x_m: float, y_m: float, z_m: float) -> bool:
         """Inside the field that the wind blows over."""
         return self.field.inside(x_m, y_m, z_m)
+
+
+def oblique_field(field: WindField, oblique_rad: float) -> WindField:
+    """A steady field in its wind from so far to the right of straight at the ridge.
+
+    Errors: ValueError beyond what a record may hold.
+    """
+    if not abs(oblique_rad) <= radians(VEER_MAX_DEG):
+        raise ValueError(f"a veer of {degrees(oblique_rad):g} deg: at most {VEER_MAX_DEG:g}")
+    if oblique_rad == 0.0:
+        return field
+    speed, veer = Schedule([0.0], [field.reference_wind_mps]), Schedule([0.0], [oblique_rad])
+    return RecordedField(field, WindRecord(speed, veer))

@@ -166,7 +166,7 @@ class PolynomialAir(Strict, frozen=True, tag_field="kind", tag="polynomial"):
                 raise ValueError(f"{name} = [{low:g}, {high:g}]: must be from, to, growing")
         if self.of.turbulence != TurbulenceSettings():
             raise ValueError("of.turbulence: the polynomial is of calm air; give it to [air]")
-        if getattr(self.of, "record", None) is not None:
+        if not isinstance(self.of, JetAir) and self.of.record is not None:
             raise ValueError("of.record: a polynomial is of a steady wind; leave it out")
 
     @property

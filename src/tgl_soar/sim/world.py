@@ -24,9 +24,7 @@ from msgspec.structs import asdict
 from tgl_soar.air.field import WindField
 from tgl_soar.air.grid import GridError
 from tgl_soar.air.grid_files import Layout, read_grid
-from tgl_soar.air.gusts import (
-    DrydenState,
-)
+from tgl_soar.air.gusts import DrydenState
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import JetShape, SlopeJet
 from tgl_soar.air.polynomial import (
@@ -38,8 +36,8 @@ from tgl_soar.air.polynomial import (
 from tgl_soar.air.wind_record import (
     RecordedField,
     WindRecordError,
+    oblique_field,
     read_wind_record,
-    steady_record,
     turned,
 )
 from tgl_soar.config.airframe import Airframe
@@ -69,9 +67,7 @@ from tgl_soar.sim.sensor_sampling import NO_SAMPLES, flown_sensors
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import ServoParams, servo_params, servo_start
 from tgl_soar.sim.tether import NO_TETHER, TetherParams, tether_params
-from tgl_soar.sim.white_noise import (
-    drawn_as_needed,
-)
+from tgl_soar.sim.white_noise import drawn_as_needed
 from tgl_soar.sim.world_step import (
     FieldAir,
     Parts,
@@ -429,10 +425,8 @@ def _blown(
     field: WindField, record: str | None, folder: Path | None, oblique_rad: float
 ) -> WindField:
     """A steady field in the wind of a record, where there is one, and from where it comes."""
-    if record is None and oblique_rad == 0.0:
-        return field
     if record is None:
-        return RecordedField(field, steady_record(field.reference_wind_mps, oblique_rad))
+        return oblique_field(field, oblique_rad)
     path = Path(record) if folder is None else folder / record
     try:
         return RecordedField(field, turned(read_wind_record(path), oblique_rad))

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
+from tgl_soar.air.wind_record import oblique_field
 from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, drawing, save
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, draw_excess_map, draw_line
-from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft, blown
+from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import ned_from_soaring
 from tgl_soar.types import GlidePolar
@@ -98,7 +99,7 @@ def plane_figure(path: Path, draft: SiteDraft, polar: GlidePolar, title: str) ->
         figure, axes = plt.subplots(figsize=(8.0, 6.0), layout="constrained")
         area = (x0 - pad, x1 + pad, z0 - pad, z1 + pad)
         shades = draw_excess_map(
-            axes, blown(draft.field, radians(draft.oblique_deg)), polar, area, outline,
+            axes, oblique_field(draft.field, radians(draft.oblique_deg)), polar, area, outline,
             contour_style={"label": "contour, A GUESS by potential flow"},
         )  # fmt: skip
         figure.colorbar(shades, ax=axes, label="excess updraft w − sink(u) [m/s]", shrink=0.8)

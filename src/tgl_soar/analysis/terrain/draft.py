@@ -23,7 +23,7 @@ import numpy as np
 from tgl_soar.air.field import FloatArray, WindField
 from tgl_soar.air.grid import GridField
 from tgl_soar.air.panels import PanelField
-from tgl_soar.air.wind_record import RecordedField, steady_record
+from tgl_soar.air.wind_record import oblique_field
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour, stable_crossing
 from tgl_soar.analysis.terrain.elevation import LocalTerrain
 from tgl_soar.analysis.terrain.profile import ReducedProfile, reduced
@@ -101,7 +101,7 @@ def draft(terrain: LocalTerrain, request: Request, polar: GlidePolar) -> SiteDra
     near = (x >= bounds[0] - spacing) & (x <= bounds[1] + 0.25 * (bounds[1] - bounds[0]))
     ground = reduced(x[near], heights[near].max(axis=1))
     field = _written_field(flow, bounds, spacing)
-    found, lines = _lines(blown(field, oblique), polar, bounds, ground, request)
+    found, lines = _lines(oblique_field(field, oblique), polar, bounds, ground, request)
     return SiteDraft(
         terrain=terrain,
         frame=frame,
@@ -195,13 +195,6 @@ def _crest(
     return frame._replace(origin_down_m=-float(z[-1])), degrees(np.arctan(steepest))
 
 
-def blown(field: WindField, oblique_rad: float) -> WindField:
-    """The field in its wind from so far to the right of straight at the ridge."""
-    if oblique_rad == 0.0:
-        return field
-    return RecordedField(field, steady_record(field.reference_wind_mps, oblique_rad))
-
-
 def _fence(
     flow: PanelField,
     oblique_rad: float,
@@ -216,7 +209,7 @@ def _fence(
     across = np.linspace(x[0], 0.0, 81)
     up = np.linspace(float(z[x <= 0.0].min()), request.ceiling_m, 61)
     xx, zz = np.meshgrid(across, up, indexing="ij")
-    _, _, w = blown(flow, oblique_rad).wind(xx, 0.0, zz)
+    _, _, w = oblique_field(flow, oblique_rad).wind(xx, 0.0, zz)
     lift = (w >= least) & (zz - flow.ground_m(xx) >= request.clearance_m)
     if not lift.any():
         raise DraftError(
