@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf, isfinite, isnan, nan
 from typing import Any
 
 import pytest
@@ -40,6 +40,7 @@ class Module:
         shown = {"soar_x": 0.0, "soar_mode": self.mode}
         target_m, most_m = self.values.get("TGL_X", 0.0), self.slides_mps * (time_s - self._time_s)
         self._x_m = min(target_m, self._x_m + most_m) if isfinite(most_m) else target_m
+        self._x_m = nan if isnan(self.slides_mps) else self._x_m
         self._time_s = time_s
         if self.line_follows:
             shown |= {
@@ -159,6 +160,14 @@ def test_a_line_that_stops_on_its_way_ends_the_flight() -> None:
     module.slides_mps = 0.0
     with pytest.raises(OperatorError, match="did not come to its target within 40 s"):
         run_on(module, 30.0, 45.0)
+
+
+def test_a_line_that_is_no_number_does_not_move() -> None:
+    operator = Operator([LEG], 1, 191)
+    module = Module(operator)
+    module.slides_mps = nan
+    with pytest.raises(OperatorError, match="did not come to its target within 40 s"):
+        run(module, 60.0)
 
 
 def test_a_module_that_disengages_ends_the_flight() -> None:

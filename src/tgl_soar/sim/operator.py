@@ -57,8 +57,6 @@ class FlownLeg:
     ended_s: float = float("nan")
     by_hand: bool = False  # another ground station has moved the line meanwhile
     found: dict[str, float] = field(default_factory=dict)  # the line that a search has found
-    line: tuple[float, ...] = ()  # as it was last shown
-    moved_s: float = float("nan")  # when it was last shown elsewhere
 
 
 @dataclass
@@ -118,6 +116,8 @@ class Operator:
         self._engaged = False
         self._engaged_s = float("nan")
         self._known_since_s = float("nan")
+        self._line = [float("nan")] * len(LINE)  # as it was last shown
+        self._patient_since_s = float("nan")  # the leg has begun, or the line was seen to move
         self._stage = "wait"
 
     # --- what arrives ---------------------------------------------------------------------
@@ -225,9 +225,7 @@ class Operator:
             self._moved_by_hand(flown)
             if flown.leg.searches and not (self._line_stands(flown.leg) or flown.by_hand):
                 self._stage = "move"  # it has found a better one, or its place is gone
-            elif self.telemetry.time_s - flown.stopped_s >= flown.leg.stay_s or self._surveyed(
-                flown
-            ):
+            elif self._surveyed(flown) or self._stayed(flown):
                 flown.ended_s = self.telemetry.time_s
                 if len(self.flown) == len(self._legs):
                     self._legs_flown()
@@ -285,6 +283,7 @@ class Operator:
         leg = self._legs[number]
         del self.flown[number:]  # where it is repeated
         self.flown.append(FlownLeg(leg, self.telemetry.time_s))
+        self._patient_since_s = self.telemetry.time_s
         self._to_set = list(leg.parameters.items())
         self._stage = "move"
 
@@ -292,11 +291,10 @@ class Operator:
         """Errors: `OperatorError` after too long."""
         searches = flown.leg.searches
         limit_s = SEARCH_TIMEOUT_S if searches else LEG_TIMEOUT_S
-        line = tuple(self.telemetry.values.get(name, 0.0) for name in LINE.values())
-        if line != flown.line:  # over a large hill it may be on its way for minutes
-            flown.line, flown.moved_s = line, self.telemetry.time_s
-        since_s = flown.asked_s if searches else flown.moved_s
-        if self.telemetry.time_s - since_s <= limit_s:
+        before, self._line = self._line, [self._shown(name) for name in LINE.values()]
+        if not searches and any(abs(a - b) > 0.0 for a, b in zip(before, self._line, strict=True)):
+            self._patient_since_s = self.telemetry.time_s  # minutes, over a large hill
+        if self.telemetry.time_s - self._patient_since_s <= limit_s:
             return
         what = "no place to soar was found" if searches else "the line did not come to its target"
         raise OperatorError(
@@ -314,6 +312,10 @@ class Operator:
             for name, value in flown.leg.parameters.items()
         )
         return flown.by_hand
+
+    def _stayed(self, flown: FlownLeg) -> bool:
+        """Whether the line has stood for as long as it is to."""
+        return self.telemetry.time_s - flown.stopped_s >= flown.leg.stay_s
 
     def _surveyed(self, flown: FlownLeg) -> bool:
         """Whether this leg was a survey, and that has ended."""
