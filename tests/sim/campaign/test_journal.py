@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import signal
 import struct
 import subprocess
 import sys
@@ -55,6 +57,23 @@ def test_a_file_cut_anywhere_is_as_good_as_its_whole_records(tmp_path: Path) -> 
         with journal(path) as again:
             assert again.flown == (6 if length >= one else 4)
             assert list(again)[-4:] == RESULTS[5:9]
+
+
+def test_ctrl_c_finds_a_record_counted_once_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with journal(tmp_path / "flights") as kept:
+            with monkeypatch.context() as patched:
+                patched.setattr(os, "fsync", lambda _: signal.raise_signal(signal.SIGINT))
+                with pytest.raises(KeyboardInterrupt):
+                    kept.put(0, RESULTS[:3])
+            assert kept.flown == 3
+            kept.put(3, RESULTS[3:])
+            assert list(kept) == RESULTS
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_damaged_record_is_flown_again(tmp_path: Path) -> None:

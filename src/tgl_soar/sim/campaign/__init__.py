@@ -3,6 +3,7 @@
 flight_list          what a campaign is: a list of flights, each by a function and its job
 run                  flies what is missing;  executors: on this machine;  cluster: on several
 folder               begins a campaign, or resumes or restarts it
-journal              flights on disk as they are flown;  encoding: their bytes
+journal              flights on disk as they are flown;  encoding: their bytes;  interrupts: when
+                     Ctrl-C acts
 rows                 the table;  manifest, provenance: where it comes from
 """

@@ -14,12 +14,12 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from multiprocessing import connection, get_all_start_methods, get_context, parent_process
 from multiprocessing.context import BaseContext
 from typing import Any, Final, Protocol
 
 from tgl_soar.sim.campaign.flight_list import Shard
+from tgl_soar.sim.campaign.interrupts import interrupts_later
 
 AHEAD: Final = 2  # shards handed to each worker: one that is flown and one that waits
 # A worker may be killed for reasons of its own (memory, an administrator): its flights are flown
@@ -105,7 +105,10 @@ class LocalProcesses:
         flying: dict[Future[list[Any]], Shard] = {}
         try:
             while True:
-                with _interrupts_later():
+                # The pool shares locks with a thread of its own.  A KeyboardInterrupt between the
+                # taking of one and the statement that gives it back leaves it taken, and the
+                # shutdown waits for ever.
+                with interrupts_later():
                     for shard in queue.take():
                         flying[pool.submit(_fly_shard, shard.jobs)] = shard
                     done, _ = wait(flying, LOOK_S, FIRST_COMPLETED)
@@ -200,26 +203,6 @@ class ShardQueue:
 def local(workers: int) -> Executor:
     """So many processes; 0: this one."""
     return InLine() if workers == 0 else LocalProcesses(workers)
-
-
-@contextmanager
-def _interrupts_later() -> Iterator[None]:
-    """Ctrl-C acts at the end.
-
-    The pool shares locks with a thread of its own.  A KeyboardInterrupt between the taking of one
-    and the statement that gives it back leaves it taken, and the shutdown waits for ever.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield  # which no signal interrupts
-        return
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if came:
-        signal.raise_signal(signal.SIGINT)
 
 
 def _context() -> BaseContext:

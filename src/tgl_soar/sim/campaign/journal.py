@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, Final, NamedTuple, Protocol
 from zlib import crc32
 
 from tgl_soar.sim.campaign.encoding import decoder, encode
+from tgl_soar.sim.campaign.interrupts import interrupts_later
 
 MAGIC: Final = b"tgl_soar flights 1\n"
 _HEAD: Final = struct.Struct("<QIII")  # first flight, flights, bytes, their check sum
@@ -148,9 +149,10 @@ class Journal:
         Errors: `JournalError` where there is no room; what was there before stays.
         """
         data = encode(list(results))
-        self._append(first, len(results), data)
-        self._enter(_Record(first, len(results), self._end + _HEAD.size, len(data)))
-        self._end += _HEAD.size + len(data)
+        with interrupts_later():  # a record is written and counted, or neither
+            self._append(first, len(results), data)
+            self._enter(_Record(first, len(results), self._end + _HEAD.size, len(data)))
+            self._end += _HEAD.size + len(data)
 
     def __iter__(self) -> Iterator[Any]:
         """All results in the order of their flights, one record in memory at a time."""
