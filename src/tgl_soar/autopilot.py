@@ -546,7 +546,10 @@ def _guide(
 
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
     held_rad = theta_0 + soaring.pid.integral + effect.pitch_rad
-    pitch_setpoint, cut = pitch_kept(laws, estimates.margins, vehicle, wanted_rad, held_rad)
+    behind_m = -tracking.e_rho_m if decision.mode == modes.SOARING else 0.0
+    pitch_setpoint, cut = pitch_kept(
+        laws, estimates.margins, vehicle, wanted_rad, held_rad, behind_m
+    )
     if cut != 0:  # held back as by its own rate limit: its integral must not wind up either
         soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
     roll_setpoint = sideways_terms.output

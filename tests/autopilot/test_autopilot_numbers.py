@@ -231,7 +231,7 @@ def test_an_excitation_is_added_to_the_setpoint_alone(monkeypatch: pytest.Monkey
 def test_what_the_envelope_keeps_is_what_the_line_took(monkeypatch: pytest.MonkeyPatch) -> None:
     """theta_0, the line's integral and the brake's pitch: what holds the line at rest."""
     flight = soaring().fly(0.2)
-    asked: list[tuple[float, float]] = []
+    asked: list[tuple[float, float, float]] = []
     part = autopilot.pitch_kept
 
     def kept(*given: Any) -> Any:
@@ -243,11 +243,32 @@ def test_what_the_envelope_keeps_is_what_the_line_took(monkeypatch: pytest.Monke
     integral = radians(3.0)
     before = flight.state.soaring
     state, output = tick(flight, soaring=before._replace(pid=PidState(integral, 0.0)))
-    ((wanted, held),) = asked
+    ((wanted, held, _),) = asked
     trim = state.memory.pitch_trim.pitch_rad
     assert held == pytest.approx(trim + state.soaring.pid.integral + 0.02)
     assert state.soaring.pid.integral == pytest.approx(integral, abs=1e-3)
     assert wanted == output.setpoints.pitch_rad == state.soaring.pitch_setpoint_rad
+
+
+@pytest.mark.parametrize(
+    ("mode", "share"), [(modes.SOARING, 1.0), (modes.CAPTURING, 0.0), (modes.SEARCHING, 0.0)]
+)
+def test_only_who_soars_on_a_line_is_blown_behind_it(
+    monkeypatch: pytest.MonkeyPatch, mode: int, share: float
+) -> None:
+    """Who captures it is behind it because that is where it began."""
+    flight = soaring().fly(0.2)
+    asked: list[float] = []
+
+    def kept(*given: Any) -> Any:
+        asked.append(given[5])
+        return given[3], 0
+
+    monkeypatch.setattr(autopilot, "pitch_kept", kept)
+    replaced(monkeypatch, "_decide", lambda found: (found[0], found[1]._replace(mode=mode)))
+    _, output = tick(flight)
+    assert output.line.e_rho_m != 0.0
+    assert asked == [-output.line.e_rho_m * share]
 
 
 @pytest.mark.parametrize(("cut", "slewing"), [(CUT_NOSE_UP, 1), (1 << 9, -1), (0, 0)])

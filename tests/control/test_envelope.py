@@ -23,6 +23,7 @@ from tgl_soar.control.envelope import (
     OUT_DOWNSTREAM,
     OUT_SIDE,
     OUT_UPSTREAM,
+    PITCH_PER_BEHIND,
     PITCH_PER_SPEED,
     EnvelopeLimits,
     Fence,
@@ -409,7 +410,7 @@ LEAST = LIMITS.clearance_min_m
 def test_the_pitch_that_may_be_flown_near_the_stall(
     setpoint: float, margin: float, given_: float
 ) -> None:
-    assert pitch_within(LIMITS, setpoint, 0.0, margin, 0.0, inf, 0.0) == given_
+    assert pitch_within(LIMITS, setpoint, 0.0, margin, 0.0, inf, 0.0, 0.0) == given_
 
 
 @pytest.mark.parametrize(
@@ -442,11 +443,31 @@ def test_the_pitch_that_may_be_flown_low(
     setpoint: float, margin: float, climb: float, height: float, holding: float, given_: float
 ) -> None:
     assert LEAST == 0.5
-    assert pitch_within(LIMITS, setpoint, 0.0, margin, climb, height, holding) == given_
+    assert pitch_within(LIMITS, setpoint, 0.0, margin, climb, height, holding, 0.0) == given_
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "climb", "height", "holding", "behind", "given_"),
+    [
+        (DIVE, -0.5, 0.75, 0.0, 0.03125, GLIDE - 0.0625),
+        (DIVE, -0.5, 0.75, HOLDING, 0.03125, HOLDING - 0.0625),
+        (GLIDE, -0.5, 0.75, 0.0, 0.03125, GLIDE),  # it is a limit, and asks for nothing
+        (DIVE, -0.5, 0.75, 0.0, 1.0, DIVE),
+        (DIVE, -4.5, inf, 0.0, 0.03125, GLIDE - 0.0625),
+        (DIVE, -0.5, 0.75, 0.0, -0.25, GLIDE),  # in front of the line
+        (DIVE, -0.5, 0.75, 0.0, nan, GLIDE),
+    ],
+)
+def test_what_is_blown_behind_its_line_may_put_its_nose_further_down(
+    setpoint: float, climb: float, height: float, holding: float, behind: float, given_: float
+) -> None:
+    """Stalled in the updraft close to the slope it sinks because its nose is too high."""
+    assert PITCH_PER_BEHIND == 2.0
+    assert pitch_within(LIMITS, setpoint, 0.0, inf, climb, height, holding, behind) == given_
 
 
 def test_the_pitch_is_limited_from_where_the_nose_is() -> None:
-    assert pitch_within(LIMITS, 0.5, 0.25, 0.03125, 0.0, inf, 0.0) == 0.28125
+    assert pitch_within(LIMITS, 0.5, 0.25, 0.03125, 0.0, inf, 0.0, 0.0) == 0.28125
 
 
 # --- the place ----------------------------------------------------------------------------------

@@ -22,6 +22,9 @@ setpoint is below neither that of the best glide nor the one that holds the line
 whichever is lower: there is nothing to be won by diving.  In fast air, or with a biased attitude,
 the second is the lower one, and an aircraft that could not fly it would drift onto the slope; and
 what drifts there without sinking is brought away from it by a lower nose, and by nothing else.
+Nor is there another way back for what has been blown behind the line that it soared on, sinking or
+not: in the updraft close to the slope a wing at the glide's pitch may be stalled, and then it sinks
+because its nose is too high.  So the limit gives way by PITCH_PER_BEHIND for each metre behind.
 
 The place is held against a box (the fence) and against the ground: a few points (x, z) of its
 profile in the soaring frame, extruded along y.  Over a plane the clearance is the distance to
@@ -41,6 +44,8 @@ PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gain
 MARGIN_FULL: Final = 0.05  # rad; from here on all of the elevator may be used
 STALL_BEYOND: Final = 0.05  # rad (or 1 m/s) beyond the limit: it does not hold, a stall
 LOW_FACTOR: Final = 2.0  # of the least clearance: further up nothing is low
+# 6 degrees, from a deep stall to an attached flow, where gusts seldom put an aircraft: 5 cm behind.
+PITCH_PER_BEHIND: Final = 2.0  # rad for each metre
 LOW_AHEAD_S: Final = 1.0  # a change of pitch turns the flight path in about V / g, 0.9 s at 8.5 m/s
 CLEAR_FACTOR: Final = 1.3  # of the least clearance: clear of the ground again
 
@@ -148,14 +153,17 @@ def pitch_within(
     climb_mps: float,
     clearance_m: float,
     holding_rad: float,
+    behind_m: float,
 ) -> float:
     """The pitch setpoint that may be flown.
 
     holding_rad: the pitch that holds the line undisturbed, as it was learnt; NaN: not known.
+    behind_m: how far the aircraft is downstream of the line that it soars on, else 0.
     Neither limit goes beyond the best glide: a wrong margin must not push the nose down for good.
     """
     if climb_mps < -limits.sink_max_mps or is_low(limits, climb_mps, clearance_m):
-        setpoint_rad = max(setpoint_rad, min(limits.glide_pitch_rad, holding_rad))
+        floor = min(limits.glide_pitch_rad, holding_rad)
+        setpoint_rad = max(setpoint_rad, floor - PITCH_PER_BEHIND * max(0.0, behind_m))
     if margin_rad < MARGIN_FULL:
         setpoint_rad = min(setpoint_rad, max(limits.glide_pitch_rad, pitch_rad + margin_rad))
     return setpoint_rad

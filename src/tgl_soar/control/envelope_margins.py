@@ -87,9 +87,17 @@ def stall_uncertainty(air: AirEstimate, pitch_rad: float) -> float:
 
 
 def pitch_kept(
-    laws: Laws, margins: Margins, vehicle: VehicleState, wanted_rad: float, held_rad: float
+    laws: Laws,
+    margins: Margins,
+    vehicle: VehicleState,
+    wanted_rad: float,
+    held_rad: float,
+    behind_m: float,
 ) -> tuple[float, int]:
-    """The pitch setpoint within the envelope, and what was cut; held_rad: what the line took."""
+    """The pitch setpoint within the envelope, and what was cut.
+
+    held_rad: what the line took; behind_m: of `envelope.pitch_within`.
+    """
     setpoint = pitch_within(
         laws.envelope,
         wanted_rad,
@@ -98,6 +106,7 @@ def pitch_kept(
         vehicle.climb_mps,
         margins.clearance_m,
         held_rad,
+        behind_m,
     )
     cut = 0
     if setpoint < wanted_rad:

@@ -128,6 +128,7 @@ def given_pitch(laws: Laws, output: Output, theta_0_rad: float, pitch_rad: float
         output.vehicle.climb_mps,
         margins.clearance_m,
         theta_0_rad,
+        0.0,
     )
 
 
