@@ -250,6 +250,17 @@ def test_a_long_flight_is_cut_into_parts_that_stand_alone(tmp_path: Path) -> Non
     assert read_log(parts[-1]).parameters["TGL_X"] == np.float32(0.3)
 
 
+def test_a_log_in_parts_is_named_by_its_first_from_which_all_are_read(tmp_path: Path) -> None:
+    recorder = FlightRecorder(tmp_path, METADATA, 0.0, largest_bytes=2_000_000, patient=True)
+    recorder.start()
+    LoggedFlight(recorder).run(4.0)
+    words = recorder.stop()
+    parts = logs_in(tmp_path)
+    assert len(parts) >= 2
+    assert recorder.path == parts[0]
+    assert f"flight log: {parts[0]}" in words
+
+
 def test_the_oldest_logs_make_room_and_nothing_else_goes(tmp_path: Path) -> None:
     day = tmp_path / "2026-01-01"
     day.mkdir()

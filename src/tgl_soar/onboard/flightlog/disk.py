@@ -38,7 +38,8 @@ class Disk:
         orders: Orders,
     ) -> None:
         self.trouble = ""  # why nothing more is written
-        self.path: Path | None = None
+        self.path: Path | None = None  # the ULog's first part, by which all of it is read
+        self._written: Path | None = None  # the part that is being written
         self._folder = folder
         self.preamble_of = preamble
         self._largest_bytes = largest_bytes
@@ -84,9 +85,9 @@ class Disk:
         try:
             action(given)
         except OSError as error:
-            self.trouble = f"{error.filename or self.path or self._folder}: {error.strerror}"
+            self.trouble = f"{error.filename or self._written or self._folder}: {error.strerror}"
         except Exception as error:
-            self.trouble = f"{self.path or self._folder}: {error!r}"
+            self.trouble = f"{self._written or self._folder}: {error!r}"
 
     def _write(self, order: Order) -> None:
         if order.begins_us >= 0:
@@ -115,7 +116,7 @@ class Disk:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self._open[ending] = descriptor
         if ending == "ulg":
-            self.path = path
+            self.path, self._written = self.path or path, path
             _write_all(descriptor, memoryview(MAGIC + struct.pack("<Q", begins_us)))
             _write_all(descriptor, memoryview(self.preamble_of))
 

@@ -109,7 +109,7 @@ class FlightRecorder(Recorder):
 
     @property
     def path(self) -> Path | None:
-        """The ULog that is being written; None: none yet."""
+        """The ULog of the flight, its first part; None: none yet."""
         return self._disk.path
 
     # --- what happens -------------------------------------------------------------------------
