@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.sim import sitl
 from tgl_soar.sim.bridge.command_line import parsed
 from tgl_soar.sim.sitl import busy_hint, fly, plan
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -65,6 +67,39 @@ def test_a_busy_machine_is_named() -> None:
     assert "whose load is 6.0 on 2 processors" in busy_hint(6.0, 2)
     assert "load" not in busy_hint(0.5, 2)
     assert "without --realtime" in busy_hint(0.5, 2)
+
+
+@pytest.mark.parametrize(("realtime", "waits_s"), [(True, 20.0), (False, 120.0)])
+def test_a_machine_that_is_only_slow_ends_no_flight_in_lockstep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, realtime: bool, waits_s: float
+) -> None:
+    """One datagram of the bridge, then silence."""
+    now = [0.0]
+
+    def select(_read: object, *_rest: object) -> tuple[list[int], list[int], list[int]]:
+        now[0] += 1.0
+        return ([1] if now[0] == 1.0 else []), [], []
+
+    monkeypatch.setattr(sitl, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(sitl, "select", SimpleNamespace(select=select))
+    operator = SimpleNamespace(
+        done=False,
+        flown=[],
+        telemetry=SimpleNamespace(time_s=0.0),
+        receive=lambda _data: True,
+        step=lambda _now_s: [],
+    )
+    station = SimpleNamespace(recvfrom=lambda _size: (b"", ("127.0.0.1", 1)))
+    processes = SimpleNamespace(check=lambda: None, last_words=lambda: "")
+    with pytest.raises(SitlError, match=f"nothing received from the bridge for {waits_s:g} s"):
+        sitl._operate(
+            cast(Any, operator),
+            cast(Any, station),
+            cast(Any, processes),
+            quietly,
+            options(tmp_path, realtime=realtime),
+        )
+    assert waits_s < now[0] < waits_s + 3.0
 
 
 def test_who_searches_names_legs_or_none(tmp_path: Path) -> None:

@@ -49,8 +49,10 @@ from tgl_soar.sim.sitl_processes import (
 from tgl_soar.sim.world import site_field
 
 Floats = NDArray[np.float64]
-START_S = 120.0  # for the first datagram: on a busy machine air and module take their time
-SILENCE_S = 20.0  # without a datagram for so long the bridge is taken for dead
+# For the first datagram, and for each one in lockstep, where a busy machine only makes the flight
+# slow: a process that has died is found at once, this is for one that hangs.
+START_S = 120.0
+SILENCE_S = 20.0  # in real time without a datagram for so long the bridge is taken for dead
 SEARCH = "search"  # the name of the leg that looks for lift
 SURVEY = "survey"
 SURVEY_S = 180.0  # at most
@@ -166,7 +168,7 @@ def _fly(
             "bridge", bridge_command(options, truth_file, own_address, companion, mocap)
         )
         processes.start("module", module_command(options, companion, mocap))
-        return _operate(operator, ground_station, processes, progress, options.kill_s)
+        return _operate(operator, ground_station, processes, progress, options)
     except OperatorError as error:
         hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1) if options.realtime else ""
         raise SitlError(f"{error}{hint}\n{processes.last_words()}") from None
@@ -228,11 +230,12 @@ def _operate(
     ground_station: socket.socket,
     processes: SitlProcesses,
     progress: Callable[[Operator], None],
-    kill_s: float | None,
+    options: SitlOptions,
 ) -> float | None:
     """Carry datagrams between the operator and the bridge until the plan is flown; when the
     module was killed."""
     bridge: tuple[str, int] | None = None
+    kill_s, silence_s = options.kill_s, SILENCE_S if options.realtime else START_S
     killed_s: float | None = None
     received = shown = time.monotonic()
     while not operator.done:
@@ -242,7 +245,7 @@ def _operate(
             data, sender = ground_station.recvfrom(65535)
             if bridge in (None, sender) and operator.receive(data):
                 bridge, received = sender, now
-        patience_s = START_S if bridge is None else SILENCE_S
+        patience_s = START_S if bridge is None else silence_s
         if now - received > patience_s:
             hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1)
             raise SitlError(
