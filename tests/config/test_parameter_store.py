@@ -213,6 +213,24 @@ def test_vehicles_of_files_of_the_same_name_have_each_their_own(
 
 
 @pytest.mark.parametrize("other", OTHERS)
+def test_a_first_start_beside_what_another_id_has_kept_is_said(
+    tmp_path: Path, other: Identity
+) -> None:
+    """As after the id in the airframe file was changed: its parameters seem to be gone."""
+    at(tmp_path, other).save(BASE.changed({"RHO_P": 0.9}))
+    at(tmp_path, WHO).save(BASE)
+    at(tmp_path, WHO).forget()
+    (tmp_path / "another-site-1-191-0123abcd.params").touch()
+    got = at(tmp_path, WHO).restore()
+    (kept,) = (path.name for path in tmp_path.glob("airframe-site-*.params"))
+    assert got == (
+        BASE, {}, (f"nothing is stored for system 1, component 191; not used: {kept}",), False
+    )  # fmt: skip
+    at(tmp_path, WHO).save(BASE.changed({"RHO_P": 0.7}))
+    assert at(tmp_path, WHO).restore().notes == ()
+
+
+@pytest.mark.parametrize("other", OTHERS)
 @pytest.mark.parametrize("ending", ["", ".previous"])
 def test_what_was_kept_for_another_vehicle_is_neither_flown_nor_written_over(
     path: Path, other: Identity, ending: str

@@ -26,6 +26,7 @@ import errno
 import json
 import os
 import queue
+import re
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
@@ -43,6 +44,9 @@ RETRY_S: Final = 10.0  # after one that failed
 STOP_S: Final = 2.0  # so long the end of the process waits for the disk
 STACK_BYTES: Final = 256 * 1024  # memory is locked: a thread's stack of 8 MB would be resident
 _CHECKSUM: Final = b"# checksum: "
+_OWN_ENDING: Final = re.compile(
+    r"-\d+-\d+-[0-9a-f]{8}\.params$"
+)  # of `state_file`, behind the stems
 
 
 class StoreError(ValueError):
@@ -248,7 +252,21 @@ class ParameterStore:
         found = self._restored_from(self.path, sets_aside=not looking)
         if found is None and self._old is not None:
             found = self._restored_from(self._old, sets_aside=False)
-        return found or Restored(self._base, {}, (), False)  # the first start
+        if found is None:  # the first start
+            return Restored(self._base, {}, tuple(self._of_other_ids()), False)
+        return found
+
+    def _of_other_ids(self) -> list[str]:
+        """What is kept beside it for files of the same names under other ids or names: where a
+        file's id was changed, that is what the operator misses."""
+        stems = _OWN_ENDING.sub("", self.path.name)
+        try:
+            names = sorted(path.name for path in self.path.parent.iterdir())
+        except OSError:
+            return []
+        others = [n for n in names if n != self.path.name and _OWN_ENDING.sub("", n) == stems != n]
+        who = f"system {self._identity.system}, component {self._identity.component}"
+        return [f"nothing is stored for {who}; not used: {', '.join(others)}"] if others else []
 
     def _restored_from(self, main: Path, *, sets_aside: bool) -> Restored | None:
         """From a file or its previous copy; None: there is nothing of ours."""

@@ -249,7 +249,8 @@ def _restored(
     if store is None:
         return setup, []
     found = store.restore()
-    words = [(SEVERITY_ERROR, note) for note in found.notes]
+    severity = SEVERITY_ERROR if found.damaged else SEVERITY_WARNING
+    words = [(severity, note) for note in found.notes]
     if found.kept:
         names = ", ".join(found.kept)
         words.append((SEVERITY_NOTICE, f"{len(found.kept)} stored parameters: {names}"))
