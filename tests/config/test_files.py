@@ -10,7 +10,7 @@ import pytest
 from msgspec import inspect
 
 from tgl_soar.config import files
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import MODEL_KEYS, Airframe
 from tgl_soar.config.files import (
     ConfigError,
     line_parameters,
@@ -203,6 +203,11 @@ BAD_AIRFRAMES = [
         "[modell]",
         "modell: unknown key; known here: airframe, autopilot, surfaces, polar, parameters, model,"
         " dynamics",
+    ),
+    (
+        "CL0 = 0.2",
+        "CLO = 0.2",
+        f"model.CLO: unknown key; known here: kind, {', '.join(MODEL_KEYS)}",
     ),
     (
         "mass_kg = 0.7",

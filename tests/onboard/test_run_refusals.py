@@ -55,6 +55,20 @@ def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
     assert f"{key}: cannot be read: File name too long" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("lacks", ["", "stall_alpha_rad"])
+def test_a_model_in_part_is_said_as_then_nothing_is_foreseen(
+    lacks: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    airframe = tmp_path / "airframe.toml"
+    lines = AIRFRAME.read_text().splitlines(keepends=True)
+    airframe.write_text("".join(x for x in lines if not (lacks and x.startswith(f"{lacks} "))))
+    files = ["--airframe", str(airframe), "--site", str(SITE), "--state", "none", "--no-guard"]
+    ends = ["--link", "udpout:127.0.0.1:9", "--lockstep", "--timeout", "0.1"]
+    assert main([*files, *ends]) == EXIT_NO_AUTOPILOT
+    words = f"[model] has no {lacks}: so the air is not estimated, and nothing is foreseen"
+    assert (words in capfd.readouterr().err) == bool(lacks)
+
+
 @pytest.mark.parametrize("given", ["nan", "-1", "0", "inf", "-inf", "1e9", "soon", ""])
 def test_a_timeout_that_is_none_is_refused_with_what_is_allowed(
     given: str, capsys: pytest.CaptureFixture[str]

@@ -15,6 +15,7 @@ from field_step import step_in_field
 from msgspec.structs import asdict
 from numpy.typing import NDArray
 
+from tgl_soar.config.airframe import MODEL_KEYS
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.estimation.polar import fit_polar
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
@@ -38,6 +39,7 @@ from tgl_soar.sim.aircraft import (
     step,
 )
 from tgl_soar.sim.compiled import compiled
+from tgl_soar.sim.point_mass import THRUST
 from tgl_soar.types import NO_FIX, SurfaceCommand, polar_sink
 
 AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
@@ -585,6 +587,12 @@ def test_missing_and_unknown_keys_are_named() -> None:
         aircraft_model({**AIRFRAME_TABLE, "mass_kg": -1}, AIRFRAME.model)
     with pytest.raises(ValueError, match=r"airframe\.mass_kg = True"):
         aircraft_model({**AIRFRAME_TABLE, "mass_kg": True}, AIRFRAME.model)
+
+
+def test_a_file_may_have_what_the_models_take_and_nothing_else() -> None:
+    body = [name for name in AircraftModel._fields if name not in AIRFRAME_TABLE]
+    servo = {f"servo_{name}" for name in servos.ServoParams._fields}
+    assert set(MODEL_KEYS) == {*body, *servo, THRUST}
 
 
 # --- numba takes it as it stands --------------------------------------------------------------

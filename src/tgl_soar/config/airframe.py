@@ -198,12 +198,16 @@ class Airframe(Strict, frozen=True):
     surfaces: Surfaces
     polar: Polar
     parameters: dict[str, float] = field(default_factory=dict)
-    # The simulation's; checked by tgl_soar.sim.aircraft.
+    # The simulation's; whether that has all it needs, tgl_soar.sim.aircraft checks.
     model: dict[str, Finite] = field(default_factory=dict)
     dynamics: MeasuredDynamics = field(default_factory=MeasuredDynamics)  # in pitch, as measured
     model_kind: ModelKind = field(default="rigid_body", name=MODEL_KIND_FIELD)  # model.kind
 
     def __post_init__(self) -> None:
+        for key in self.model:
+            if key not in MODEL_KEYS:
+                known = ", ".join(MODEL_KEYS)
+                raise ValueError(f"model.{key}: unknown key; known here: kind, {known}")
         for key in _POSITIVE:
             if not self.model.get(key, 1.0) > 0.0:
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
@@ -243,6 +247,10 @@ class Airframe(Strict, frozen=True):
         figures = (known[name] for name in Aerodynamics._fields if name != "polar")
         return Aerodynamics._make((*figures, self.polar.as_polar()))
 
+    def model_lacks(self) -> tuple[str, ...]:
+        """What is missing of [model] for lift and drag to be known, where there is some of it."""
+        return tuple(key for key in _AERODYNAMIC if key not in self.model) if self.model else ()
+
 
 def _check_propeller(model: dict[str, float]) -> None:
     """Errors: ValueError for half of a propeller's figures, or some out of their range."""
@@ -269,6 +277,19 @@ _AERODYNAMIC: Final = tuple(
     name
     for name in Aerodynamics._fields
     if name not in ("polar", "brake_throw", *_ON_THE_BENCH, *OF_THE_BRAKE, *OF_THE_PROPELLER)
+)
+# All that the simulation's models take (`sim.aircraft`, `sim.servos`, `sim.point_mass`).
+MODEL_KEYS: Final = (
+    *("gravity_mps2", "air_density_kgpm3"),
+    *("CL0", "CL_alpha", "CL_elevator"),
+    *("stall_alpha_rad", "stall_alpha_negative_rad", "stall_width_rad"),
+    *("CD0", "CD_lift", "CD_separated", "CD_beta", "CY_beta", "CY_rudder"),
+    *("Cl_beta", "Cl_p", "Cl_r", "Cl_aileron"),
+    *("Cm0", "Cm_alpha", "Cm_q", "Cm_elevator"),
+    *("Cn_beta", "Cn_p", "Cn_r", "Cn_rudder", "Cn_aileron"),
+    *OF_THE_BRAKE,
+    *OF_THE_PROPELLER,
+    *("servo_lag_radps", "servo_rate_per_s", "servo_travel", "servo_delay_s", "thrust_n"),
 )
 _POSITIVE: Final = (
     "gravity_mps2",

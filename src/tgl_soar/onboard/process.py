@@ -143,6 +143,7 @@ def _run(
         end_keeping = keep_timestamp(signing, options.secret.key_file, say)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
     words += _too_slow(plan)
+    words += _unknown_air(plan)
     search = _search(options)
     opened = Opened(
         setup=setup,
@@ -187,6 +188,14 @@ def _too_slow(plan: RunPlan) -> list[tuple[int, str]]:
     load = link_load.load_of(plan.setup, signed=plan.options.secret.key_file is not None)
     refusal = load.refusal(baud)
     return [(SEVERITY_WARNING, refusal)] if refusal else []
+
+
+def _unknown_air(plan: RunPlan) -> list[tuple[int, str]]:
+    """What is to be said of an airframe file that describes lift and drag in part."""
+    if not (missing := plan.airframe.model_lacks()):
+        return []
+    what = "so the air is not estimated, and nothing is foreseen"
+    return [(SEVERITY_WARNING, f"[model] has no {', '.join(missing)}: {what}")]
 
 
 def _store(plan: RunPlan) -> ParameterStore | None:
