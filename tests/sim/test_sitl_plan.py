@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from errno import ENOSPC
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from typer.testing import CliRunner
 
+from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.sim import sitl
 from tgl_soar.sim.bridge.command_line import parsed
@@ -61,6 +65,19 @@ def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:
 def test_an_unknown_leg_is_named(tmp_path: Path) -> None:
     with pytest.raises(SitlError, match=r"no line named 'q'; it has a, b, c"):
         fly(options(tmp_path, legs=("q",)), quietly)
+
+
+def test_what_finds_no_room_on_the_disk_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_given: object) -> None:
+        raise OSError(ENOSPC, os.strerror(ENOSPC), "out/summary.json")
+
+    monkeypatch.setattr(sitl, "fly", full)
+    ended = CliRunner().invoke(app, ["sitl", "--out", str(tmp_path)])
+    assert ended.exit_code == 2
+    words = f"--out {tmp_path}: out/summary.json cannot be written: No space left on device"
+    assert words in " ".join(ended.output.split())
 
 
 def test_a_busy_machine_is_named() -> None:

@@ -350,8 +350,16 @@ def _fly(options: SitlOptions) -> SitlFlight:
             return fly(options, progress)
     except (SitlError, ConfigError) as error:
         fail(error)
+    except OSError as error:
+        _fail_of_disk(options, error)
     except KeyboardInterrupt:
         fail("stopped", 130)
+
+
+def _fail_of_disk(options: SitlOptions, error: OSError) -> NoReturn:
+    """What cannot be written of a flight, such as on a disk that has become full."""
+    file = error.filename or options.out
+    fail(f"--out {options.out}: {file} cannot be written: {error.strerror}")
 
 
 def _host(options: SitlOptions, port: int) -> NoReturn:
@@ -418,6 +426,8 @@ def _write_pages(options: SitlOptions, flight: SitlFlight, *, report: bool) -> N
             say(f"its report: {page}")
     except (ImportError, LogError) as error:
         hint(f"no figure: {error}")
+    except OSError as error:
+        _fail_of_disk(options, error)
     if log is not None and not report:
         console.print(f"its report: tgl-soar report {log}", soft_wrap=True, highlight=False)
 

@@ -116,6 +116,18 @@ def test_a_companion_that_dies_does_not_hang_the_bridge_and_may_return(
     assert "x real time" in console.text()
 
 
+def test_a_log_for_which_there_is_no_room_ends_it_in_words(
+    companion: UdpPeer, station: UdpPeer
+) -> None:
+    done = run_bridge(
+        *bridge_command(companion.address, station.address),
+        *("--speed", "lockstep", "--lockstep-gcs", "--duration", "3", "--log", "/dev/full"),
+    )
+    assert done.returncode == 2
+    refused = "sitl_bridge: --log /dev/full: cannot be written: No space left on device"
+    assert done.stderr.splitlines() == [refused]
+
+
 class Console:
     """A process whose output is read as it comes; asked to end at the end of the block."""
 

@@ -14,10 +14,11 @@ from tgl_soar.sim.bridge.lockstep import BridgeError
 from tgl_soar.sim.faults import catalogue_text
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.ports import PortError
+from tgl_soar.sim.truth_log import TruthLogError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the bridge; the exit code: 0 well, 2 wrong set-up, 3 nobody came."""
+    """Run the bridge; the exit code: 0 well, 2 wrong set-up or no room for a log, 3 nobody came."""
     words = list(sys.argv[1:] if argv is None else argv)
     if ["--fault", "list"] in [words[i : i + 2] for i in range(len(words))]:
         _list_faults()
@@ -40,10 +41,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (BridgeError, FirmwareError) as error:
         print(f"sitl_bridge: {error}", file=sys.stderr)
         code = 3
+    except TruthLogError as error:
+        print(f"sitl_bridge: --log {error}", file=sys.stderr)
+        code = 2
     finally:
-        bridge.close()
+        code = _close(bridge) or code
     print(bridge.summary(), flush=True)
     return code
+
+
+def _close(bridge: Bridge) -> int:
+    """End it; the exit code."""
+    try:
+        bridge.close()
+    except TruthLogError as error:
+        print(f"sitl_bridge: --log {error}", file=sys.stderr)
+        return 2
+    return 0
 
 
 def _list_faults() -> None:

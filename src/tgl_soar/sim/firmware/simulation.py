@@ -186,12 +186,12 @@ class FirmwareSimulation(SteppedWorld):
 
     def close(self) -> None:
         """Finish the log, end the firmware."""
-        if self._log is not None:
-            self._log.close()
         if self._record is not None:
             self._record.close()
         self._physics.close()
         self.pixhawk.close()
+        if self._log is not None:  # the last one: it may find no room
+            self._log.close()
 
     def _set_parameters(self) -> None:
         """Those of the firmware that are to change by now."""
