@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
-from tgl_soar.sim import sitl
+from tgl_soar.sim import sitl, sitl_page
 from tgl_soar.sim.bridge.command_line import parsed
 from tgl_soar.sim.sitl import busy_hint, fly, plan
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -78,6 +78,24 @@ def test_what_finds_no_room_on_the_disk_is_named(
     assert ended.exit_code == 2
     words = f"--out {tmp_path}: out/summary.json cannot be written: No space left on device"
     assert words in " ".join(ended.output.split())
+
+
+@pytest.mark.parametrize("how", ["--realtime", "--page"])
+def test_who_flies_in_real_time_may_choose_the_port_of_stations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    flown: list[SitlOptions] = []
+
+    def begun(options: SitlOptions, *_rest: object) -> None:
+        flown.append(options)
+        raise SitlError("enough")
+
+    monkeypatch.setattr(sitl, "fly", begun)
+    monkeypatch.setattr(sitl_page, "host", begun)
+    port = ["--gcs-local", "127.0.0.1:0", "--out", str(tmp_path)]
+    assert "enough" in CliRunner().invoke(app, ["sitl", how, *port]).output
+    assert flown[0].gcs_local == "127.0.0.1:0"
+    assert "add --realtime" in CliRunner().invoke(app, ["sitl", *port]).output
 
 
 def test_a_busy_machine_is_named() -> None:

@@ -221,7 +221,7 @@ def sitl(
     _check_autopilot(context, autopilot, programs, route)
     if autopilot != SitlAutopilot.BUILTIN and _is_given(context, "receiver"):
         fail(f"--receiver {receiver.value}: a real firmware has its own; see its parameters")
-    if not realtime and _is_given(context, "gcs_local"):
+    if not (realtime or page) and _is_given(context, "gcs_local"):
         fail(f"--gcs-local {gcs_local}: ground stations join in real time only; add --realtime")
     by_mocap = mocap == SitlMocap.NATNET or (autopilot != SitlAutopilot.BUILTIN and site is None)
     options = SitlOptions(
