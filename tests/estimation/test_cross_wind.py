@@ -19,7 +19,14 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.control.supervisor import SOARING
-from tgl_soar.estimation.cross_wind import CrossWindParams, across_air, cross_wind_step, veer
+from tgl_soar.estimation.cross_wind import (
+    VEER_RADPS,
+    CrossWindParams,
+    across_air,
+    cross_wind_step,
+    veer,
+    veer_step,
+)
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import NO_AIR, AirEstimate, VehicleState
@@ -98,6 +105,12 @@ def test_what_is_no_number_changes_nothing(bad: float) -> None:
     ):
         assert cross_wind_step(PARAMS, 1.5, at, air, DT_S) == 1.5
     assert veer(PARAMS, 1.0, nan) == 0.0
+
+
+def test_what_is_flown_goes_there_at_its_rate_and_no_further() -> None:
+    assert veer_step(0.3, -0.2, 0.1) == pytest.approx(0.25)
+    assert veer_step(0.3, 0.9, 0.1) == pytest.approx(0.35)
+    assert veer_step(0.3, 0.32, 0.1) == pytest.approx(0.32)
 
 
 def test_it_is_within_its_limit_and_never_turns_the_nose_downwind() -> None:
@@ -189,3 +202,22 @@ def test_set_to_nothing_in_flight_nothing_of_the_estimate_is_left() -> None:
     loop.change({"VEER_MAX": 0.0})
     loop.tick()
     assert loop.state.memory.cross_wind_mps == 0.0
+
+
+@pytest.mark.parametrize("lowered_deg", [0.0, 5.0])
+def test_lowered_in_flight_the_heading_setpoint_does_not_step(lowered_deg: float) -> None:
+    loop = turning(50.0)
+    for _ in range(100):
+        loop.tick()
+    memory = loop.state.memory
+    memory = memory._replace(cross_wind_mps=-4.0, veer_rad=radians(30.0))
+    loop.state = loop.state._replace(memory=memory)
+    before_rad = loop.tick().setpoints.heading_rad
+    assert degrees(before_rad) == pytest.approx(30.0, abs=3.0)
+    loop.change({"VEER_MAX": lowered_deg})
+    for _ in range(round(1.5 / DT_S)):
+        output = loop.tick()
+        assert output.active
+        assert abs(output.setpoints.heading_rad - before_rad) <= 1.2 * VEER_RADPS * DT_S
+        before_rad = output.setpoints.heading_rad
+    assert degrees(before_rad) <= lowered_deg + 3.0

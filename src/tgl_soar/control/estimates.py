@@ -13,7 +13,7 @@ from tgl_soar.control.pitch_schedule import age_step, speed_step
 from tgl_soar.control.point import wind_with_brake
 from tgl_soar.control.soaring import TrimState, trim_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
-from tgl_soar.estimation.cross_wind import across_air, cross_wind_step, veer
+from tgl_soar.estimation.cross_wind import across_air, cross_wind_step, veer, veer_step
 from tgl_soar.estimation.ground_range import (
     NO_RANGE_STATE,
     GroundRange,
@@ -44,6 +44,7 @@ class EstimatorMemory(NamedTuple):
     motion: MotionState
     wind: WindState
     cross_wind_mps: float  # along the soaring frame's y
+    veer_rad: float  # by which the heading setpoint follows it
     health: HealthState
     pitch_trim: TrimState
     gust_pitch_rad: float  # by which the setpoint meets a gust
@@ -73,6 +74,7 @@ def initial_memory() -> EstimatorMemory:
         motion=initial_motion(),
         wind=initial_wind(),
         cross_wind_mps=0.0,
+        veer_rad=0.0,
         health=initial_health(),
         pitch_trim=TrimState(NAN, NAN),
         gust_pitch_rad=0.0,
@@ -130,6 +132,8 @@ def estimate(
         if health.position_ok and flying:
             cross_wind = cross_wind_step(laws.cross_wind, cross_wind, vehicle, air, dt_s)
         air = air._replace(cross_wind_mps=cross_wind)
+    wanted = veer(laws.cross_wind, cross_wind, air.wind_mps)
+    veered = veer_step(before.veer_rad, wanted, dt_s) if flying else 0.0
     glide = NAN
     if laws.pitch_trim.fraction > 0.0:
         glide = glide_pitch(laws.wind.aerodynamics, air.wind_mps - vehicle.velocity_x_mps)
@@ -146,11 +150,12 @@ def estimate(
         air=air,
         margins=margins,
         ground_range=ground_range,
-        veer_rad=veer(laws.cross_wind, cross_wind, air.wind_mps),
+        veer_rad=veered,
         memory=EstimatorMemory(
             motion=motion,
             wind=wind,
             cross_wind_mps=cross_wind,
+            veer_rad=veered,
             health=watched,
             pitch_trim=trim,
             gust_pitch_rad=gust,

@@ -1,7 +1,7 @@
 """The wind's direction: what blows across the soaring frame, from how the aircraft drifts.
 
     W_y,m = v_y − (R (u, 0, w))_E        dW_y/dt = (W_y,m − W_y) / T
-    ψ_w   = atan2(−W_y, W_x)             within ± VEER_MAX
+    ψ_w   = atan2(−W_y, W_x)             within ± VEER_MAX, no faster than VEER_RADPS
 
 v_y      m/s  velocity over the ground, to the right of an aircraft that faces upwind
 u, w     m/s  velocity through the air along the body's x and z axes (`estimation.wind`)
@@ -11,14 +11,19 @@ W_x, W_y m/s  wind along the soaring frame's x and y
 Sideslip is taken as none: rudder, fin and bank turn the nose into the air within a second, and over
 T it averages out; a constant one of some degrees leaves as many in ψ_w, which the way to the middle
 takes up.  The estimate starts at none when the module engages.
+
+The estimate itself turns slowly; VEER_RADPS is for what would step, and the rudder with it: a
+VEER_MAX that is lowered in flight, and a wind along the frame that is not known any more.
 """
 
 from __future__ import annotations
 
 from math import atan2, cos, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from tgl_soar.types import AirEstimate, VehicleState, isfinite
+
+VEER_RADPS: Final = 0.5
 
 
 class CrossWindParams(NamedTuple):
@@ -54,6 +59,12 @@ def veer(params: CrossWindParams, cross_wind_mps: float, wind_mps: float) -> flo
         return 0.0
     most = params.veer_max_rad
     return max(-most, min(most, atan2(-cross_wind_mps, wind_mps)))
+
+
+def veer_step(before_rad: float, wanted_rad: float, dt_s: float) -> float:
+    """ψ_w [rad] that is flown, on its way to the one of `veer`."""
+    most = VEER_RADPS * dt_s
+    return before_rad + max(-most, min(most, wanted_rad - before_rad))
 
 
 def _east(vehicle: VehicleState, air: AirEstimate) -> float:
