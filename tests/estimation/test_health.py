@@ -436,6 +436,22 @@ def test_attitude_and_accelerometers(tilt_deg: float, agrees: bool) -> None:
     assert watch.health.faults & h.DISAGREES == 0
 
 
+@pytest.mark.parametrize(("bank_deg", "agrees"), [(20.0, True), (25.0, False)])
+def test_a_turn_that_lasts_is_no_wrong_attitude_up_to_twenty_degrees(
+    bank_deg: float, agrees: bool
+) -> None:
+    """Coordinated: the force is along the body's z axis, by one over the cosine of the bank.  What
+    a turn with more looks like is what BANK_MAX and SIDE_BANK warn of."""
+    t = radians(bank_deg)
+
+    def turning(inputs: Inputs, k: int) -> Any:
+        return imu(0.0)(inputs, k)._replace(force_z_frd_mps2=-9.81 / cos(t))
+
+    banked = attitude(qw=cos(t / 2.0), qx=sin(t / 2.0), qy=0.0, qz=0.0)
+    watch = Watch().run(2560, imu=turning, attitude=banked)
+    assert (watch.health.faults & h.DISAGREES == 0) == agrees
+
+
 def test_a_rotation_told_the_other_way_round_is_found_out() -> None:
     """The conjugate quaternion: what was pitched up by 20 degrees is pitched down."""
     q = quaternion_from_euler(0.0, radians(-20.0), 0.0)

@@ -417,7 +417,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="BANK_MAX", unit="deg", minimum=1, maximum=40, default=20.0,
-        meaning="Largest bank setpoint from BANK_P.",
+        meaning="Largest bank setpoint from BANK_P. A turn that lasts with more than 20 degrees"
+                " is taken for a wrong attitude where accelerations are received: it disengages.",
     ),
     # --- sideways speed -> bank ----------------------------------------------------------
     Parameter(
@@ -435,7 +436,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="SIDE_BANK", unit="deg", minimum=0, maximum=30, default=10.0,
         meaning="Largest bank setpoint from SIDE_P and SIDE_I, half of it from the integral."
                 " High up on the way home, without a pitot tube, it may be half as much again, up"
-                " to 20 degrees and half of TILT_MAX.",
+                " to 20 degrees and half of TILT_MAX. With more than 20 degrees as in BANK_MAX.",
     ),
     # --- surfaces ------------------------------------------------------------------------
     Parameter(

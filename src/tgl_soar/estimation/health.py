@@ -23,6 +23,10 @@ not, averaged over TILT_S: with no lasting acceleration f = −g, so that
 
     | mean(f / g + down) | <= TILT_MAX        down: NED's third axis, seen from the body
 
+A turn is such an acceleration, tan of its bank: 0.4 from 21.8 degrees on, which is reported with
+25 degrees after two averaging times, with 30 after 1.2 of them.  The module's own turns
+stay below that (18 degrees beating, 20 on the way home) unless SIDE_BANK or BANK_MAX ask for more.
+
 Surfaces answer where what the autopilot puts out lies between the lowest and the highest of
 our late commands, give or take a limit: the band shrinks towards the command that stands at
 SHRINK_PER_S, which leaves room for delays, for rates, and for a slow stream.  For longer than
