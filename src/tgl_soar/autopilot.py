@@ -538,18 +538,16 @@ def _guide(
         course = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
         psi_setpoint = estimates.veer_rad + course
         if laws.loops != THEIRS:  # that turns by banking
-            age_s, blocked = memory.gain_age_s, limited.aileron_blocked
-            airspeed = estimates.air.airspeed_mps
+            age_s, speed = memory.gain_age_s, estimates.air.airspeed_mps
+            blocked = limited.aileron_blocked
             sideways, sideways_terms = bank_step(
-                laws, sideways, vehicle, course, airspeed, age_s, blocked, dt_s
+                laws, sideways, vehicle, course, speed, age_s, blocked, dt_s
             )
 
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
-    held_rad = theta_0 + soaring.pid.integral + effect.pitch_rad
+    held_rad, margins = theta_0 + soaring.pid.integral + effect.pitch_rad, estimates.margins
     behind_m = -tracking.e_rho_m if decision.mode == modes.SOARING else 0.0
-    pitch_setpoint, cut = pitch_kept(
-        laws, estimates.margins, vehicle, wanted_rad, held_rad, behind_m
-    )
+    pitch_setpoint, cut = pitch_kept(laws, margins, vehicle, wanted_rad, held_rad, behind_m)
     if cut != 0:  # held back as by its own rate limit: its integral must not wind up either
         soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
     roll_setpoint = sideways_terms.output

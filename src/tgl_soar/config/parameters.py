@@ -72,8 +72,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="OP_RC_OFF", unit="us", minimum=1000, maximum=2000, default=1300,
-        meaning="The switch is low below this pulse width: the module disengages and cannot be"
-                " engaged.",
+        meaning="Below this pulse width the switch is low: disengaged, and not to be engaged.",
     ),
     Parameter(
         name="OP_GCS_LOSS", unit="", minimum=0, maximum=1, default=0,
@@ -417,8 +416,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="BANK_MAX", unit="deg", minimum=1, maximum=40, default=20.0,
-        meaning="Largest bank setpoint from BANK_P. A turn that lasts with more than 20 degrees"
-                " is taken for a wrong attitude where accelerations are received: it disengages.",
+        meaning="Largest bank setpoint from BANK_P, but for beating's turns. A lasting turn beyond"
+                " 20 degrees disengages, as a wrong attitude, where accelerations are received.",
     ),
     # --- sideways speed -> bank ----------------------------------------------------------
     Parameter(
