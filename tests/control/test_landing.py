@@ -172,6 +172,16 @@ def test_wind_that_no_speed_beats_leaves_nothing_and_what_is_unknown_is_not_know
     assert isnan(escape_height(blind, at(), air()))
 
 
+@pytest.mark.parametrize("fastest_mps", [14.8, 14.9, 15.0, 15.1])
+def test_the_fastest_speed_that_is_tried_is_one_of_the_polar(fastest_mps: float) -> None:
+    """5.8 + (14.9 - 5.8) is more than 14.9 by rounding, and sink is not known there."""
+    polar = POLAR._replace(speed_min_mps=5.0, speed_max_mps=fastest_mps)
+    params = PARAMS._replace(polar=polar, speed_min_mps=4.0)
+    far = at(x_m=170.0)  # 197 m ahead, 14 m high
+    assert escape_height(params, far, air()) == -landing.DEEP_M
+    assert approach_speed(params, landing.slowest(params), far, air()) == fastest_mps
+
+
 def test_the_approach_is_as_slow_as_still_gets_there() -> None:
     distance = 21.0 - landing.FLOAT_S * (PARAMS.best_glide_mps - 7.0)
     assert approach_speed(PARAMS, SLOWEST, at(z_m=30.0), air()) == SLOWEST

@@ -110,7 +110,7 @@ def show(
     table = Table("airspeed", "sink", "glide ratio", "d sink / d u", "sink/u − d sink/du", box=None)
     steps = 10
     for i in range(steps + 1):
-        u = polar.speed_min_mps + (polar.speed_max_mps - polar.speed_min_mps) * i / steps
+        u = _between(polar, i / steps)
         s, slope = polar_sink(polar, u), polar_slope(polar, u)
         table.add_row(
             f"{u:.2f} m/s", f"{s:.3f} m/s", f"{u / s:.2f}", f"{slope:+.3f}", f"{s / u - slope:+.3f}"
@@ -224,11 +224,14 @@ def _residuals(fitted: PolarFit, speeds: list[float], sinks: list[float]) -> Tab
     return table
 
 
+def _between(polar: GlidePolar, fraction: float) -> float:
+    """A speed of the polar [m/s]; rounding takes none of them beyond its end."""
+    low, high = polar.speed_min_mps, polar.speed_max_mps
+    return min(high, low + (high - low) * fraction)
+
+
 def _summary(polar: GlidePolar) -> None:
-    speeds = [
-        polar.speed_min_mps + (polar.speed_max_mps - polar.speed_min_mps) * i / 500
-        for i in range(501)
-    ]
+    speeds = [_between(polar, i / 500) for i in range(501)]
     slowest = min(speeds, key=lambda u: polar_sink(polar, u))
     console.print(f"least sink {polar_sink(polar, slowest):.3f} m/s at {slowest:.2f} m/s")
     best = best_glide_speed(polar)

@@ -250,7 +250,7 @@ def escape_height(params: LandingParams, vehicle: VehicleState, air: AirEstimate
     low, high = slowest(params), params.polar.speed_max_mps
     best = -INFINITE
     for k in range(SPEEDS):
-        speed = low + (high - low) * k / (SPEEDS - 1)
+        speed = min(high, low + (high - low) * k / (SPEEDS - 1))  # no polar beyond, by rounding
         left = height_left(params, distance, height, air.airspeed_mps, speed, wind, cross)
         best = max(best, left)
     return max(-DEEP_M, best - params.spare_m) if high > low else NAN
@@ -280,7 +280,7 @@ def approach_speed(
     best, best_speed, before = -INFINITE, low, -INFINITE
     step = (high - low) / (SPEEDS - 1)
     for k in range(SPEEDS):
-        speed = low + step * k
+        speed = min(high, low + step * k)
         left = height_left(params, distance, height, air.airspeed_mps, speed, wind, 0.0)
         if left >= 0.0:
             if k > 0 and before > -INFINITE:
