@@ -188,6 +188,16 @@ def test_beating_is_refused_without_a_line_or_room_and_over_with_the_flight(flig
         assert settings.values["BEAT_START"] == 0.0
 
 
+def test_beating_that_never_began_is_not_asked_for_after_the_way_home(flight: Flight) -> None:
+    """There was no room for it: whoever soars on from home (ESC_START 2) would beat at once."""
+    settings = Settings(BEAT_WIDTH=40.0, BEAT_START=1.0)
+    switch = LaunchLandingSwitch(settings, Reported())  # type: ignore[arg-type]
+    switch.tick(output_of(flight, SOARING))
+    assert settings.values["BEAT_START"] == 1.0
+    switch.tick(output_of(flight, BREAKING_OFF))
+    assert settings.values["BEAT_START"] == 0.0
+
+
 def test_a_break_off_by_command_over_the_air() -> None:
     flown = Flight()
     flown.base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED

@@ -13,7 +13,7 @@ from typing import Final
 from tgl_soar.autopilot import Output
 from tgl_soar.control.landing import BREAK, SOAR_ON, STAY
 from tgl_soar.control.launch import is_in_no_hand
-from tgl_soar.control.supervisor import BEATING, LAUNCHING, goes_home, is_flying
+from tgl_soar.control.supervisor import LAUNCHING, goes_home, is_flying
 from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
@@ -67,7 +67,7 @@ class LaunchLandingSwitch:
         ended = not output.active and is_flying(before)
         if ended or (output.mode != before and before == LAUNCHING):
             self._put_back("LNC_START")
-        if ended or (goes_home(output.mode) and before == BEATING):
+        if ended or goes_home(output.mode):  # asked for where there was no room, too
             self._put_back("BEAT_START")
         self._end_wait(output)
         self._end_break(output)
