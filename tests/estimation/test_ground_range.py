@@ -453,6 +453,15 @@ def test_a_jump_of_the_position_begins_again() -> None:
     assert sensor.found.correction_m == pytest.approx(-2.0, abs=0.05)
 
 
+def test_a_clock_that_goes_back_begins_it_again() -> None:
+    """The last sample used is of the future: all that come would be refused as late."""
+    sensor = Sensor().fly(2.0, bias_m=lambda _: 1.0, flying=False)
+    sensor.time_s -= 60.0
+    sensor.fly(1.0, bias_m=lambda _: 2.0, flying=False)
+    assert sensor.found.standing == RANGE_USED
+    assert sensor.found.correction_m == pytest.approx(-2.0, abs=0.05)
+
+
 def test_it_never_corrects_by_more_than_its_limits() -> None:
     """However slowly a sensor or a receiver goes wrong: two gates nearer, one farther."""
     nearer = Sensor().fly(300.0, bias_m=lambda t: 0.05 * t)

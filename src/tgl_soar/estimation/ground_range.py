@@ -58,7 +58,8 @@ passes below, a tree or a car of 10 m at 7 m/s, is over by then.  Over a known g
 ground is taken so, up to twice the gate, and as a bound: a sensor that is off by a constant proves
 itself, too, and must not move the line.  From d within the gate on it corrects again.
 
-After a jump of the position it begins again, without a correction: its frame may be another.
+After a jump of the position it begins again, without a correction: its frame may be another.  So
+it does after a clock that has gone back.
 What is refused for REFUSED_S is reported and ends nothing.
 
 Nobody can tell by this a height that is wrong from a place that is: over a slope of s a position
@@ -215,7 +216,8 @@ def range_step(
         return NO_RANGE_STATE, NO_GROUND_RANGE
     now = vehicle.time_s
     silent = not abs(now - sample.time_s) <= LATE_S  # true for NaN
-    if jumped or (silent and not flying):
+    back = state.time_s > now + LATE_S  # the clock: all that comes would be refused as late
+    if jumped or back or (silent and not flying):
         state = NO_RANGE_STATE._replace(sequence=sample.sequence, sound_s=now)
     elif sample.sequence != state.sequence:
         state = _taken(gains, ground, state, sample, vehicle, certain, flying)
