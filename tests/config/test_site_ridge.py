@@ -104,6 +104,7 @@ def test_a_record_turns_from_there(tmp_path: Path) -> None:
         ("hill", WIND + "ridge_deg = 400.0\n", "site.ridge_deg = 400"),
         ("hill", WIND + "ridge_deg = nan\n", "site.ridge_deg"),
         ("tunnel", WIND + "ridge_deg = 0.0\n", "site.ridge_deg = 0: a jet has no ridge"),
+        ("tunnel_polynomial", WIND + "ridge_deg = 0.0\n", "a jet has no ridge"),
     ],
 )
 def test_what_is_no_slope_to_stand_before_is_refused(

@@ -373,7 +373,8 @@ class Site(Strict, frozen=True):
 
     def _check_ridge(self) -> None:
         ridge, oblique = self.site.ridge_deg, abs(self.site.oblique_deg())
-        if ridge is not None and isinstance(self.air, JetAir):
+        air = self.air.of if isinstance(self.air, PolynomialAir) else self.air
+        if ridge is not None and isinstance(air, JetAir):
             raise ValueError(f"site.ridge_deg = {ridge:g}: a jet has no ridge; leave it out")
         if oblique > OBLIQUE_DEG:
             raise ValueError(
