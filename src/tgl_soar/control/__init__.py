@@ -7,7 +7,7 @@ Laws
   surface_loops        from setpoints to deflections, in this order
   pitch_schedule       gains by speed, lean, latency;  lateral_schedule: of roll and heading
   gain_blend           gains with accelerations, blended with those without
-  envelope             the last limiter
+  envelope             the last limiter;  limits of stall, sink and height;  the fence
 
 Deciding
   supervisor           modes and reasons, one table;  supervisor_texts: their words;  conditions:

@@ -1,4 +1,4 @@
-"""LNC_START and ESC_START, the switches of a launch and of the way home.
+"""LNC_START, ESC_START and BEAT_START, the switches of a launch, of the way home and of beating.
 
 What the tick makes of them it does by itself; here they go back when what they asked for is over,
 so that no file that a station saves meanwhile asks for it again; what cannot be done is refused,

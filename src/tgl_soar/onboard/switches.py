@@ -1,5 +1,5 @@
 """Switches that act from tick to tick and go back by themselves: the multisine's, the search's,
-the survey's, a launch's and the way home's."""
+the survey's, a launch's, the way home's, beating's; and the firmware's landing."""
 
 from __future__ import annotations
 
