@@ -333,6 +333,12 @@ def test_a_gap_in_the_air_begins_it_again_and_a_short_one_does_not() -> None:
     assert stepped(state, 1.3).begun_s == 1.3
 
 
+def test_no_airspeed_however_small_is_divided_by() -> None:
+    """The smallest number there is, times a tenth of a second, is zero."""
+    state = stepped(initial_forecast(), 0.0)
+    assert stepped(state, 0.1, wind_mps=5e-324) == state
+
+
 def test_a_clock_that_goes_back_begins_it_again() -> None:
     state = initial_forecast()
     for k in range(8):

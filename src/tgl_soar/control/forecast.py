@@ -74,6 +74,7 @@ from tgl_soar.types import (
 
 # A slide takes half a second or more for its 63 % (1 / λ), and a gust of a metre as long to pass.
 PERIOD_S: Final = 0.1
+LEAST_MPS: Final = 1e-3  # of airspeed: nothing flies so slowly, and it is divided by
 GAP_S: Final = 0.5  # without readings: what was known of place and slope is of somewhere else
 # Before anything is foreseen E has been read over as long as the slide's inertia lasts, twice:
 # V sin(lean) / (g c) is 0.25 s at 8.5 m/s and a lean of 15 deg.
@@ -271,7 +272,7 @@ def forecast_step(
     vx, climb = vehicle.velocity_x_mps, vehicle.climb_mps
     known = isfinite(vehicle.x_m + vehicle.z_m + vx + climb + eta_rad + params.polar.c0)
     known = known and isfinite(air.wind_mps + air.updraft_mps + air.wind_sigma_mps)
-    if not (known and isfinite(velocity_sigma_mps) and air.wind_mps > vx):
+    if not (known and isfinite(velocity_sigma_mps) and air.wind_mps - vx > LEAST_MPS):
         return state if 0.0 <= passed < GAP_S else initial_forecast()
     limits = line_room(params.clearance_min_m, fence, ground, vehicle.x_m, vehicle.z_m, eta_rad)
     sight = _Sight(
