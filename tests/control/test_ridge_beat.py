@@ -318,6 +318,19 @@ def test_it_stands_again_in_a_wind_that_lasts(felt: dict[str, float], stands: bo
     assert not is_wanted_back(BEAT, watched(air(wind_mps=8.8), BACK_S - 1.0, lull))
 
 
+@pytest.mark.parametrize("angle_deg", [59.0, 61.0, 90.0, 135.0, 180.0, -61.0])
+def test_it_does_not_stand_again_in_a_wind_along_the_ridge_or_from_behind_it(
+    angle_deg: float,
+) -> None:
+    """Nor where nothing else asks how far aside it is."""
+    params = BEAT._replace(aside=False)
+    angle, state = radians(angle_deg), NO_BEAT
+    felt = air(wind_mps=12.0 * cos(angle), cross_wind_mps=12.0 * sin(angle))
+    for _ in range(240):
+        state = beat_watch(params, PARAMS, state, felt, 0.05)
+    assert is_wanted_back(params, state) == (abs(angle_deg) < 60.0)
+
+
 def test_a_wind_from_too_far_aside_is_one_beyond_what_the_nose_follows() -> None:
     most = BEAT.veer_max_rad + VEER_BY_RAD
     for side in (1.0, -1.0):

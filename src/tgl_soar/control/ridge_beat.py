@@ -64,6 +64,7 @@ TOP_M: Final = 10.0  # below the fence's top: from there on it flies faster
 AVERAGE_S: Final = 3.0
 BACK_S: Final = 10.0
 BACK_BY_MPS: Final = 0.5
+ASIDE_RATIO: Final = 0.5  # of it along the frame, at least: none stood in more than 60 degrees
 STRAIGHT_RAD: Final = 0.2  # from the wind: as near as an engagement that captures at once
 NEAR_M: Final = 5.0  # from the middle, where it turns into the wind to stand again
 MIDDLE_M: Final = 15.0  # from the middle: half of what the virtual waypoint takes up in 30 s
@@ -107,7 +108,9 @@ def beat_watch(
     wind += blend * (air.wind_mps - wind)
     cross += blend * (cross_wind(air) - cross)
     oblique = is_oblique(params, wind, cross)
-    stands = hypot(wind, cross) >= home.polar.speed_min_mps + BACK_BY_MPS and not oblique
+    speed = hypot(wind, cross)
+    stands = speed >= home.polar.speed_min_mps + BACK_BY_MPS and wind >= ASIDE_RATIO * speed
+    stands = stands and not oblique
     return BeatState(
         wind_mps=wind,
         cross_wind_mps=cross,
