@@ -36,7 +36,7 @@ from tgl_soar.control.excitation import (
     excitation_step,
 )
 from tgl_soar.control.forecast import Forecast, ForecastState, initial_forecast
-from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
+from tgl_soar.control.heading import heading_setpoint, sideways_held
 from tgl_soar.control.launch_landing import LaunchLandingReport, LaunchLandingState
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState, PidTerms
@@ -552,7 +552,7 @@ def _guide(
         soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
-        roll_setpoint = bank_setpoint(laws.bank, psi_setpoint, vehicle.heading_rad)
+        roll_setpoint = way.turning_bank(laws, decision.mode, psi_setpoint, vehicle.heading_rad)
     return _Guidance(
         line=line,
         tracking=tracking,

@@ -13,11 +13,18 @@ from tgl_soar.air.gusts import Schedule
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.wind_record import RecordedField, WindRecord
 from tgl_soar.analysis.experiments.outdoors.hour import BEATS, HourCase, HourJob, hour_flown
+from tgl_soar.autopilot import step
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.landing import BREAK, STAY
-from tgl_soar.control.launch_landing import SLOW_S, Lull, can_beat, with_way_home
+from tgl_soar.control.launch_landing import (
+    SLOW_S,
+    Lull,
+    can_beat,
+    turning_bank,
+    with_way_home,
+)
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.ridge_beat import BACK_S, VEER_S
+from tgl_soar.control.ridge_beat import BACK_S, BANK_RAD, VEER_S
 from tgl_soar.control.supervisor import (
     BEAT,
     BEATING,
@@ -36,8 +43,9 @@ from tgl_soar.control.supervisor import (
     SOARING,
 )
 from tgl_soar.control.throttle import LOW_S
+from tgl_soar.sim.flight import inputs_at
 from tgl_soar.sim.world import World, make_world
-from tgl_soar.types import NO_AIR
+from tgl_soar.types import NO_AIR, THEIRS
 
 RADIUS_M = 30.0
 SLOW_MPS = 5.2  # 6.3 m/s at the line: too slow to stand in
@@ -133,6 +141,27 @@ def test_a_break_off_comes_first() -> None:
     assert "ground" in flown.loop.world.crashed
 
 
+@pytest.mark.parametrize("bank_max_deg", [8.0, 35.0])
+def test_a_firmware_that_turns_by_banking_beats_with_the_bank_of_beating(
+    bank_max_deg: float,
+) -> None:
+    """Whatever BANK_MAX is, which is for standing: there the nose is 50 degrees from where it is
+    to be, and so is asked for all of the bank that it may have."""
+    world, before = FLOWN.loop.world, FLOWN.loop.state
+    values = FLOWN.loop.values.changed({"BANK_MAX": bank_max_deg})
+    laws = laws_from(values, world.frame, world.aerodynamics, world.ground, loops=THEIRS)
+    assert turning_bank(laws, SOARING, 0.9, 0.0) == pytest.approx(radians(bank_max_deg))
+    way = before.launch_landing
+    turning = before._replace(
+        supervisor=before.supervisor._replace(mode=BEATING, conditions=-1),
+        launch_landing=way._replace(glide=way.glide._replace(weave_rad=0.9)),
+    )
+    _, output = step(laws, turning, inputs_at(world.time_s, world.now.samples, True))
+    assert output.mode == BEATING
+    assert output.setpoints.heading_rad == pytest.approx(0.9, abs=0.05)
+    assert output.setpoints.roll_rad == pytest.approx(BANK_RAD)
+
+
 # --- when -----------------------------------------------------------------------------------
 
 
@@ -165,7 +194,6 @@ ESTIMATES: Any
 @pytest.fixture(autouse=True, scope="module")
 def _soars() -> None:
     from tgl_soar.control.estimates import estimate
-    from tgl_soar.sim.flight import inputs_at
 
     global FLOWN, ESTIMATES
     FLOWN = Flown(*hill(1)).fly(8.0)

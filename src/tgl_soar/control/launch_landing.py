@@ -29,7 +29,7 @@ from tgl_soar.control.glide_home import (
     is_short,
     time_left,
 )
-from tgl_soar.control.heading import heading_setpoint, sideways_held
+from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
 from tgl_soar.control.landing import glide_setpoints, glide_step, slowest_known, steeper_bank
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (
@@ -349,6 +349,16 @@ def phase_guide(
             gains, sideways, error, error, 0.0, dt_s, limited.aileron_blocked
         )
     return state, soaring, terms, sideways, sideways_terms, setpoints.heading_rad
+
+
+def turning_bank(laws: Laws, mode: int, setpoint_rad: float, heading_rad: float) -> float:
+    """Bank [rad] of a firmware that turns by banking; where it beats, bounded as where we bank:
+    less turns too late, and BANK_MAX may be more than an attitude is believed."""
+    gains = laws.bank
+    if mode == modes.BEATING:
+        bank = beat_bank(laws.sideways.output_max, laws.landing.tilt_max_rad)
+        gains = gains._replace(bank_max_rad=bank)
+    return bank_setpoint(gains, setpoint_rad, heading_rad)
 
 
 def _glide_setpoints(
