@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tgl_soar.sim.firmware.mission import MissionError, MissionUpload, read_mission
+from tgl_soar.sim.firmware.mission import MissionError, MissionUpload, read_mission, set_home
 
 ROWS = """QGC WPL 110
 0\t1\t0\t16\t0\t0\t0\t0\t52.0\t4.4\t10.0\t1
@@ -68,3 +68,12 @@ def test_what_is_no_mission_is_named_with_its_line(tmp_path: Path, text: str, wh
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(MissionError, match="cannot be read"):
         read_mission(tmp_path / "none.txt")
+
+
+def test_home_is_set_in_the_frame_that_each_firmware_takes(tmp_path: Path) -> None:
+    """PX4 refuses a COMMAND_INT in any other frame, and keeps home where it was armed."""
+    home = read_mission(written(tmp_path, ROWS))[0]
+    sent = set_home(21, home)
+    assert (sent.command, sent.frame) == (179, mavlink.MAV_FRAME_GLOBAL_INT)
+    assert (sent.target_system, sent.target_component, sent.param1) == (21, 1, 0.0)
+    assert (sent.x, sent.y, sent.z) == (520000000, 44000000, 10.0)

@@ -86,7 +86,7 @@ def set_home(system: int, home: MissionItem) -> Any:
     return mavlink.MAVLink_command_int_message(
         target_system=system,
         target_component=mavlink.MAV_COMP_ID_AUTOPILOT1,
-        frame=mavlink.MAV_FRAME_GLOBAL,
+        frame=mavlink.MAV_FRAME_GLOBAL_INT,  # of a COMMAND_INT PX4 takes no other
         command=mavlink.MAV_CMD_DO_SET_HOME,
         current=0,
         autocontinue=0,
