@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Beating along the ridge between real processes, and through a real ArduPlane.
+"""Beating along the ridge between real processes, and through a real ArduPlane or PX4.
 
     python tools/measure_beating.py
     python tools/measure_beating.py --autopilot ardupilot --firmware .../bin/arduplane
     python tools/measure_beating.py --autopilot ardupilot --firmware PATH --route attitude
+    python tools/measure_beating.py --autopilot px4 --firmware .../bin/px4 --route manual_control
 
 The larger hill of `tgl-soar experiment beating`, its fence and its line, in a wind that is fast
 enough to stand in until `FALLS_S`, too slow for `SLOW_S`, and fast enough again.  The slow part has
@@ -71,8 +72,12 @@ ENDS_S: Final = FALLS_S + SLOW_S + AFTER_S
 AUTO: Final = 2  # ESC_AUTO, as the experiment has it
 RECORD: Final = "wind.csv"
 WATCH_S: Final = 5.0  # where it disengages by itself
-STOOD_S: Final = {"builtin": 4.0, "ardupilot": 26.0}  # when its line stands, about
-NO_PITOT: Final = {"builtin": (), "ardupilot": ("ARSPD_TYPE=0",)}
+STOOD_S: Final = {"builtin": 4.0, "ardupilot": 26.0, "px4": 10.0}  # when its line stands, about
+NO_PITOT: Final = {
+    "builtin": (),
+    "ardupilot": ("ARSPD_TYPE=0",),
+    "px4": ("FW_USE_AIRSPD=0",),
+}
 SEEDS: Final = (1, 2, 3)
 NEVER: Final = "–"
 COLUMNS: Final = (
@@ -269,13 +274,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--autopilot", choices=tuple(STOOD_S), default="builtin")
     parser.add_argument("--firmware", type=Path, metavar="PATH", help="its program")
-    parser.add_argument("--route", help="override or attitude (default: the usual one)")
+    parser.add_argument("--route", help="of commands (default: the usual one)")
     parser.add_argument("--no-pitot", action="store_true", help="the aircraft has no tube")
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--out", type=Path, default=Path("out/beating"), help="folder")
     arguments = parser.parse_args()
     if (arguments.autopilot == "builtin") != (arguments.firmware is None):
-        parser.error("--firmware names the program of --autopilot ardupilot, and of that alone")
+        parser.error("--firmware names the program of a real --autopilot, and of that alone")
     how = Flown(arguments.autopilot, arguments.firmware, arguments.route, not arguments.no_pitot)
     print(f"| {' | '.join(COLUMNS)} |")
     print("|" + "--:|" * (len(COLUMNS) - 1) + "---|")

@@ -16,6 +16,7 @@ from measure_beating import (
     RAMP_S,
     SLOW_S,
     STANDS_MPS,
+    STOOD_S,
     Flown,
     flown,
     main,
@@ -133,17 +134,21 @@ class Process:
         return SimpleNamespace(topics={"tick": {"timestamp": 1e6 * times, "mode": modes(times)}})
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "without"), [("ardupilot", "ARSPD_TYPE=0"), ("px4", "FW_USE_AIRSPD=0")]
+)
 def test_it_is_flown_in_the_wind_of_its_seed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autopilot: str, without: str
 ) -> None:
     process = Process(monkeypatch)
-    how = Flown("ardupilot", Path("arduplane"), "attitude", pitot=False)
+    how = Flown(autopilot, Path("firmware"), "attitude", pitot=False)
     first, second = (flown(how, tmp_path / "folder", 3) for _ in range(2))
     assert first == second
     assert first.began_s == pytest.approx(12.0, abs=0.03)
     asked = process.asked[0]
     assert (asked.seed, asked.turbulence, asked.route) == (3, 0.03, "attitude")
-    assert asked.autopilot_parameters == ("ARSPD_TYPE=0",)
+    assert asked.autopilot_parameters == (without,)
+    assert asked.stay_s == ENDS_S - STOOD_S[autopilot]
     assert not asked.pitot
 
 
