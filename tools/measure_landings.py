@@ -9,8 +9,9 @@ The shipped hill in its 7 m/s with gusts of 3 %, with a pitot tube.  The aircraf
 for `STAYS_S`, then the operator breaks off (`ESC_START`), with `LND_BY` as `--by` names it: 0, the
 module's own approach; 1, the landing of the firmware's mission; 2, its return.  The mission has
 home and the touch-down at the site's landing place, and its approach begins at the edge of the
-lift.  `MADE_FIT` is what an operator sets of the firmware for that; `--set` has more, or other
-numbers.  A row of the table in docs/outdoors.md:
+lift; `--without` leaves the landing out, so that a return is no mission's.  `MADE_FIT` is what an
+operator sets of the firmware for that; `--set` has more, or other numbers.  A row of the table
+in docs/outdoors.md:
 
     taken      by the firmware's own mode, so long after breaking off; "–": never
     from       x, z there
@@ -69,8 +70,7 @@ MADE_FIT: Final = {
     ),
     "px4": (
         *("FW_T_SPDWEIGHT=2", "FW_LND_AIRSPD=9", "FW_LND_USETER=0", "FW_LND_ANG=35"),
-        *("FW_LND_FLALT=1", "NAV_ACC_RAD=3"),
-        *("RTL_RETURN_ALT=5", "RTL_DESCEND_ALT=5", "RTL_LOITER_RAD=25"),
+        *("FW_LND_FLALT=1", "RTL_RETURN_ALT=5", "RTL_DESCEND_ALT=5", "RTL_LOITER_RAD=25"),
     ),
 }
 WAYPOINT: Final = 16  # MAV_CMD
@@ -90,15 +90,17 @@ class Landed(NamedTuple):
     sink_mps: float
 
 
-def mission_text(values: ParameterSet) -> str:
-    """The firmware's mission: home, and a landing at the landing place."""
+def mission_text(values: ParameterSet, *, lands: bool = True) -> str:
+    """The firmware's mission: home, and a landing at the landing place, if it lands."""
     land_x = values["LND_X"]
-    rows = (
+    rows = [
         (GLOBAL, WAYPOINT, land_x, 0.0),
         (NO_PLACE, COMMAND_DO_LAND_START, land_x, 0.0),
         (GLOBAL, WAYPOINT, land_x + APPROACH[0], APPROACH[1]),
         (GLOBAL, COMMAND_NAV_LAND, land_x, 0.0),
-    )
+    ]
+    if not lands:
+        rows = [rows[0], rows[2]]
     lines = [HEADING]
     for number, (frame, command, x_m, z_m) in enumerate(rows):
         latitude, longitude, height = geodetic(SOMEWHERE, 0.0, x_m, -z_m)  # wind from the west
@@ -152,6 +154,7 @@ class Flown(NamedTuple):
     firmware: Path | None
     route: str | None
     settings: tuple[str, ...]  # of the firmware, NAME=NUMBER
+    lands: bool = True  # its mission has a landing
 
 
 def flown(how: Flown, folder: Path, by: int, seed: int) -> tuple[Landed, str]:
@@ -160,7 +163,7 @@ def flown(how: Flown, folder: Path, by: int, seed: int) -> tuple[Landed, str]:
     folder.mkdir(parents=True)
     _, _, values = load_flight(airframe_file(AIRFRAME), site_file(SITE))
     mission = folder / "mission.txt"
-    mission.write_text(mission_text(values))
+    mission.write_text(mission_text(values, lands=how.lands))
     real = how.autopilot != "builtin"
     flight = fly(
         SitlOptions(
@@ -219,17 +222,26 @@ def main() -> int:
     parser.add_argument(
         "--set", nargs="+", default=(), metavar="NAME=NUMBER", help="of the firmware's parameters"
     )
+    parser.add_argument("--without", action="store_true", help="a landing in its mission")
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--out", type=Path, default=Path("out/landings"), help="folder")
     arguments = parser.parse_args()
     if (arguments.autopilot == "builtin") != (arguments.firmware is None):
         parser.error("--firmware names the program of a real --autopilot, and of that alone")
-    how = Flown(arguments.autopilot, arguments.firmware, arguments.route, tuple(arguments.set))
+    how = Flown(
+        arguments.autopilot,
+        arguments.firmware,
+        arguments.route,
+        tuple(arguments.set),
+        lands=not arguments.without,
+    )
     print(f"| {' | '.join(COLUMNS)} |")
     print("|" + "--:|" * (len(COLUMNS) - 1) + "---|")
     for by in arguments.by or (0, *LANDING_MODES.get(how.autopilot, {})):
         for seed in arguments.seeds:
-            folder = arguments.out / f"{how.autopilot}-{how.route or 'usual'}-{by}-{seed}"
+            mission = "" if how.lands else "-without"
+            name = f"{how.autopilot}-{how.route or 'usual'}-{by}{mission}-{seed}"
+            folder = arguments.out / name
             try:
                 landed, told = flown(how, folder, by, seed)
                 row = f"{words(landed)} | {told}"

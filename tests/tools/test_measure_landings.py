@@ -66,6 +66,8 @@ def test_the_mission_lands_at_the_landing_place(tmp_path: Path) -> None:
     )
     assert approach.longitude_deg > land.longitude_deg  # downwind, which is east
     assert approach.height_m - land.height_m == pytest.approx(9.0)
+    path.write_text(mission_text(VALUES, lands=False))
+    assert [item.command for item in read_mission(path)] == [16, 16]
 
 
 def test_a_flight_is_told_in_a_row() -> None:
