@@ -469,6 +469,24 @@ def test_a_return_that_lands_is_asked_for_and_seen(flight: Flight) -> None:
     assert said.words == ["the autopilot lands"]
 
 
+@pytest.mark.parametrize(("late_s", "told"), [(1.5, True), (2.5, False)])
+def test_a_mode_that_is_seen_after_the_surfaces_do_not_answer_is_the_landing_asked_for(
+    flight: Flight, late_s: float, told: bool
+) -> None:
+    """As of a PX4 by manual control, whose heartbeat comes once a second."""
+    firmware, said = Firmware("px4"), Reported()
+    landing = landing_by(firmware, said, 2.0)
+    firmware.time_s = 2.0
+    landing.tick(output_of(flight, LANDING, 2.0))
+    for k in range(1, round(10.0 * late_s)):
+        landing.tick(output_of(flight, RELEASED, 2.0 + 0.1 * k))
+    assert said.words == []
+    firmware.time_s, firmware.custom_mode = 2.0 + late_s, MODE_RETURN
+    for k in range(3):
+        landing.tick(output_of(flight, RELEASED, 2.0 + late_s + 0.1 * k))
+    assert said.words == ["the autopilot lands"] * told
+
+
 def test_a_firmware_that_does_not_land_leaves_it_to_us(flight: Flight) -> None:
     firmware, said = Firmware("px4"), Reported()
     landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]

@@ -25,7 +25,7 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.site import HomePosition
-from tgl_soar.control.supervisor import BREAKING_OFF, LANDING
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, READY, RELEASED, STANDBY
 from tgl_soar.geometry import soaring_from_ned
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_MISSION, MODE_RETURN
@@ -60,6 +60,7 @@ NO_PARAMS: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ELSEWHERE_M: Final = 10.0
 LAUNCHED_M: Final = 10.0  # ArduPlane 4.6: below it its loop of speed and height does not run
 CHECK_S: Final = 3.0  # three requests and their answers
+LATE_S: Final = 2.0  # after asking: a heartbeat a second, and the time to change the mode
 
 
 class FirmwareLanding:
@@ -235,7 +236,11 @@ class FirmwareLanding:
         )
 
     def _ended(self, output: Output, by: int) -> None:
-        if self._tries and self._session.custom_mode == self._asked_for:
+        taken = self._session.custom_mode == self._asked_for
+        released = output.mode in (STANDBY, READY, RELEASED)
+        if self._tries and not taken and released and output.time_s - self._asked_s < LATE_S:
+            return  # surfaces that do not obey any more may be seen before the mode is
+        if self._tries and taken:
             if by == BY_MISSION:
                 self._handed_over_s = output.time_s
                 self._currents = self._session.mission.current_count
