@@ -229,10 +229,10 @@ def main() -> int:
     if (arguments.autopilot == "builtin") != (arguments.firmware is None):
         parser.error("--firmware names the program of a real --autopilot, and of that alone")
     how = Flown(
-        arguments.autopilot,
-        arguments.firmware,
-        arguments.route,
-        tuple(arguments.set),
+        autopilot=arguments.autopilot,
+        firmware=arguments.firmware,
+        route=arguments.route,
+        settings=tuple(arguments.set),
         lands=not arguments.without,
     )
     print(f"| {' | '.join(COLUMNS)} |")

@@ -79,7 +79,15 @@ def test_a_flight_is_told_in_a_row() -> None:
     assert found.down_at == pytest.approx((-35.0, 0.0), abs=0.1)
     assert found.along_m == pytest.approx(7.0, abs=0.1)
     assert (found.across_m, found.sink_mps) == (0.5, 1.25)
-    rounded = Landed(3.0, (-14.0, 8.75), 10.0, (-35.0, 0.04), 7.0, 0.5, 1.25)
+    rounded = Landed(
+        taken_s=3.0,
+        taken_at=(-14.0, 8.75),
+        down_s=10.0,
+        down_at=(-35.0, 0.04),
+        along_m=7.0,
+        across_m=0.5,
+        sink_mps=1.25,
+    )
     assert words(rounded) == "3.0 | -14.0, 8.8 | 10.0 | -35.0, 0.0 | 7.0 | 0.5 | 1.25"
 
 
