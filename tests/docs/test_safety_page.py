@@ -120,6 +120,7 @@ LOOKED_AT = {
     r"treated as silence|used once|counts as a gap|(outlier|that frame) is refused": (
         r"\.changes\(\)|mode_now in ENGAGED|reboots == 0"
     ),
+    r"tube is not used": r"not ticks\[-1\]\.output\.air\.measured",
     r"rate is not used": r"roll_rate_radps == 0\.0",
     r"counts as clearance": r"found\.clearance_m ==",
     r"kept from rising": r"stall_margin|trim",

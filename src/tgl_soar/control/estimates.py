@@ -13,6 +13,7 @@ from tgl_soar.control.pitch_schedule import age_step, speed_step
 from tgl_soar.control.point import wind_with_brake
 from tgl_soar.control.soaring import TrimState, trim_step
 from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.estimation.body_axes import body_axes
 from tgl_soar.estimation.cross_wind import across_air, cross_wind_step, veer, veer_step
 from tgl_soar.estimation.ground_range import (
     NO_RANGE_STATE,
@@ -20,13 +21,22 @@ from tgl_soar.estimation.ground_range import (
     RangeState,
     range_step,
 )
+from tgl_soar.estimation.health import AIRSPEED as AIRSPEED_FAULT
 from tgl_soar.estimation.health import RANGE as RANGE_FAULT
 from tgl_soar.estimation.health import HealthState, health_step, initial_health
-from tgl_soar.estimation.motion import is_imu_valid, motion_quality, motion_step, unshifted
+from tgl_soar.estimation.motion import (
+    IMU_SILENT_S,
+    is_imu_valid,
+    motion_quality,
+    motion_step,
+    unshifted,
+)
 from tgl_soar.estimation.motion_state import MotionState, initial_motion
+from tgl_soar.estimation.pitot_watch import NO_PITOT_WATCH, PitotWatch, pitot_step
 from tgl_soar.estimation.wind import WindState, initial_wind, wind_step
 from tgl_soar.types import (
     NAN,
+    NO_AIRSPEED,
     OURS,
     AirEstimate,
     Health,
@@ -43,6 +53,7 @@ class EstimatorMemory(NamedTuple):
 
     motion: MotionState
     wind: WindState
+    pitot: PitotWatch
     cross_wind_mps: float  # along the soaring frame's y
     veer_rad: float  # by which the heading setpoint follows it
     health: HealthState
@@ -73,6 +84,7 @@ def initial_memory() -> EstimatorMemory:
     return EstimatorMemory(
         motion=initial_motion(),
         wind=initial_wind(),
+        pitot=NO_PITOT_WATCH,
         cross_wind_mps=0.0,
         veer_rad=0.0,
         health=initial_health(),
@@ -117,15 +129,10 @@ def estimate(
     rangefinder, ground_range, health = _over_ground(
         laws, before.rangefinder, inputs, vehicle, health, quality.jumped, flying
     )
-    wind, air = wind_step(
-        wind_with_brake(laws, limited, flying, inputs.surfaces),
-        before.wind,
-        across_air(vehicle, before.cross_wind_mps),
-        inputs,
-        quality.velocity_sigma_mps,
-        _elevator(inputs, flying, limited.command),
-        is_imu_valid(before.motion, motion, inputs.time_s),
-    )
+    pitot, wind, air, inputs, health = _air_read(
+        laws, before, vehicle, motion, inputs, health=health, limited=limited,
+        quality=quality, flying=flying, dt_s=dt_s,
+    )  # fmt: skip
     veers = laws.cross_wind.veer_max_rad > 0.0
     cross_wind = before.cross_wind_mps if flying and veers else 0.0
     if veers:
@@ -154,6 +161,7 @@ def estimate(
         memory=EstimatorMemory(
             motion=motion,
             wind=wind,
+            pitot=pitot,
             cross_wind_mps=cross_wind,
             veer_rad=veered,
             health=watched,
@@ -185,6 +193,65 @@ def _over_ground(
     if found.refused:
         health = health._replace(faults=health.faults | RANGE_FAULT)
     return after, found, health
+
+
+def _air_read(
+    laws: Laws,
+    before: EstimatorMemory,
+    vehicle: VehicleState,
+    motion: MotionState,
+    inputs: Inputs,
+    health: Health,
+    limited: Limited,
+    quality: MotionQuality,
+    flying: bool,
+    dt_s: float,
+) -> tuple[PitotWatch, WindState, AirEstimate, Inputs, Health]:
+    """The watch of the pitot tube and the air; where the tube lies, inputs without it, and health
+    with that fault."""
+    params = wind_with_brake(laws, limited, flying, inputs.surfaces)
+    elevator = _elevator(inputs, flying, limited.command)
+    pitot, wind = NO_PITOT_WATCH, before.wind  # in a hand the wing carries nothing
+    if flying and inputs.airspeed.sequence > 0:
+        pitot = pitot_step(
+            params.aerodynamics,
+            params.push_mps2,
+            before.pitot,
+            vehicle,
+            inputs,
+            force_mps2=_force(params.aerodynamics.gravity_mps2, vehicle, motion, inputs),
+            elevator=elevator,
+            dt_s=dt_s,
+        )
+    if pitot.lies:
+        if not before.pitot.lies:  # it has had its part in what was known of the wind
+            wind = initial_wind()
+        inputs = inputs._replace(airspeed=NO_AIRSPEED)
+        health = health._replace(faults=health.faults | AIRSPEED_FAULT)
+    wind, air = wind_step(
+        params,
+        wind,
+        across_air(vehicle, before.cross_wind_mps),
+        inputs,
+        quality.velocity_sigma_mps,
+        elevator,
+        is_imu_valid(before.motion, motion, inputs.time_s),
+    )
+    return pitot, wind, air, inputs, health
+
+
+def _force(
+    gravity_mps2: float, vehicle: VehicleState, motion: MotionState, inputs: Inputs
+) -> tuple[float, float]:
+    """Specific force, x and z: the last that was accepted, NaN after one that was not, and that of
+    steady flight where none come."""
+    if not inputs.time_s - motion.imu.time_s <= IMU_SILENT_S:  # true for NaN
+        frame = body_axes(vehicle)
+        return -gravity_mps2 * frame.x_d, -gravity_mps2 * frame.z_d
+    imu = inputs.imu
+    if imu.time_s != motion.imu.time_s:
+        return NAN, NAN
+    return imu.force_x_frd_mps2, imu.force_z_frd_mps2
 
 
 def _elevator(inputs: Inputs, flying: bool, commanded: SurfaceCommand) -> float:

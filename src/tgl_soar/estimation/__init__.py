@@ -10,6 +10,7 @@ Position and velocity
 Attitude and air
   attitude_track       attitude between samples;  body_axes: axes and motion along them
   wind                 airspeed, angle of attack, wind, updraft;  cross_wind: its direction
+  pitot_watch          whether the pitot tube tells the truth
   aerodynamics         lift, drag, trim;  polar: the glide polar, fitted and read
   lift_map/            the field of the wind around the aircraft
 

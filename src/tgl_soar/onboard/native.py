@@ -86,6 +86,7 @@ MODULES: Final = (
     "tgl_soar.estimation.aerodynamics",
     "tgl_soar.estimation.body_axes",
     "tgl_soar.estimation.accelerometer_bias",
+    "tgl_soar.estimation.pitot_watch",
     "tgl_soar.estimation.wind",
     "tgl_soar.estimation.cross_wind",
     "tgl_soar.control.laws",
