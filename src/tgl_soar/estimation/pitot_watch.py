@@ -49,7 +49,7 @@ class PitotMeans(NamedTuple):
     speed2: float  # of the tube's [m²/s²]; NaN: none yet
     force_x_mps2: float
     force_z_mps2: float
-    elevator: float
+    elevator: float  # its deflection, -1 … 1
     pitch_rate_radps: float
 
 
@@ -57,9 +57,9 @@ class PitotWatch(NamedTuple):
     """What is remembered of the tube."""
 
     means: PitotMeans
-    apart_s: float  # for how long it has been off
-    agrees_s: float  # for how long it has not
-    lies: bool
+    apart_s: float  # for how long the wing has contradicted it
+    agrees_s: float  # for how long it has agreed with the wing
+    lies: bool  # it is not used
 
 
 _NO_MEANS: Final = PitotMeans(
