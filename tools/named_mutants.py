@@ -200,8 +200,8 @@ NAMED: Final = (
     ),
     Named(
         "air/zeuc.py",
-        "        slides = tz > polar_slope(polar, speed) * tx * u / speed",
-        "        slides = tz > polar_slope(polar, speed) * tx",
+        "    return polar_slope(polar, speed) * (u_mps / speed) if u_mps > 0.0 else nan",
+        "    return polar_slope(polar, speed) if u_mps > 0.0 else nan",
         "a line's stability forgets that the wind is oblique",
     ),
     Named(
