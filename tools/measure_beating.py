@@ -28,6 +28,7 @@ import argparse
 import re
 import shutil
 import sys
+from collections.abc import Iterable
 from math import isfinite, nan, radians, tan
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -269,18 +270,24 @@ def words(found: Beaten) -> str:
     )
 
 
-def main() -> int:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--autopilot", choices=tuple(STOOD_S), default="builtin")
+def parsed(parser: argparse.ArgumentParser, autopilots: Iterable[str]) -> argparse.Namespace:
+    """The command line of a tool whose flights one of these autopilots flies."""
+    parser.add_argument("--autopilot", choices=tuple(autopilots), default="builtin")
     parser.add_argument("--firmware", type=Path, metavar="PATH", help="its program")
     parser.add_argument("--route", help="of commands (default: the usual one)")
-    parser.add_argument("--no-pitot", action="store_true", help="the aircraft has no tube")
-    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
-    parser.add_argument("--out", type=Path, default=Path("out/beating"), help="folder")
     arguments = parser.parse_args()
     if (arguments.autopilot == "builtin") != (arguments.firmware is None):
         parser.error("--firmware names the program of a real --autopilot, and of that alone")
+    return arguments
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--no-pitot", action="store_true", help="the aircraft has no tube")
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
+    parser.add_argument("--out", type=Path, default=Path("out/beating"), help="folder")
+    arguments = parsed(parser, STOOD_S)
     how = Flown(arguments.autopilot, arguments.firmware, arguments.route, not arguments.no_pitot)
     print(f"| {' | '.join(COLUMNS)} |")
     print("|" + "--:|" * (len(COLUMNS) - 1) + "---|")

@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from measure_beating import modes_of
+from measure_beating import modes_of, parsed
 from numpy.typing import NDArray
 
 from tgl_soar.config.files import airframe_file, load_flight, site_file
@@ -215,9 +215,6 @@ def words(found: Landed) -> str:
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--autopilot", choices=tuple(MADE_FIT), default="builtin")
-    parser.add_argument("--firmware", type=Path, metavar="PATH", help="its program")
-    parser.add_argument("--route", help="of commands (default: the usual one)")
     parser.add_argument("--by", type=int, nargs="+", default=None, help="LND_BY (default: all)")
     parser.add_argument(
         "--set", nargs="+", default=(), metavar="NAME=NUMBER", help="of the firmware's parameters"
@@ -225,9 +222,7 @@ def main() -> int:
     parser.add_argument("--without", action="store_true", help="a landing in its mission")
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--out", type=Path, default=Path("out/landings"), help="folder")
-    arguments = parser.parse_args()
-    if (arguments.autopilot == "builtin") != (arguments.firmware is None):
-        parser.error("--firmware names the program of a real --autopilot, and of that alone")
+    arguments = parsed(parser, MADE_FIT)
     how = Flown(
         autopilot=arguments.autopilot,
         firmware=arguments.firmware,

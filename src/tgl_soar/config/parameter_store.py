@@ -44,9 +44,8 @@ RETRY_S: Final = 10.0  # after one that failed
 STOP_S: Final = 2.0  # so long the end of the process waits for the disk
 STACK_BYTES: Final = 256 * 1024  # memory is locked: a thread's stack of 8 MB would be resident
 _CHECKSUM: Final = b"# checksum: "
-_OWN_ENDING: Final = re.compile(
-    r"-\d+-\d+-[0-9a-f]{8}\.params$"
-)  # of `state_file`, behind the stems
+# What `state_file` puts behind the stems.
+_OWN_ENDING: Final = re.compile(r"-\d+-\d+-[0-9a-f]{8}\.params$")
 
 
 class StoreError(ValueError):

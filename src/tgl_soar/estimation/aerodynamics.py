@@ -23,6 +23,14 @@ def lift_drag(
     return cl, cl_alpha, cd, cd_alpha
 
 
+def trim_alpha(
+    aero: Aerodynamics, elevator: float, pitch_rate_radps: float, airspeed_mps: float
+) -> float:
+    """Angle of attack [rad] at which the pitching moment vanishes."""
+    damping = 0.5 * aero.Cm_q * aero.chord_m * pitch_rate_radps / airspeed_mps
+    return -(aero.Cm0 + aero.Cm_elevator * elevator + damping) / aero.Cm_alpha
+
+
 def braked(aero: Aerodynamics, brake: float) -> Aerodynamics:
     """The airframe as it is with its brake at a deflection, 0 … 1.
 

@@ -31,14 +31,14 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.estimation.aerodynamics import lift_drag
+from tgl_soar.estimation.aerodynamics import lift_drag, trim_alpha
 from tgl_soar.types import NAN, Aerodynamics, Inputs, VehicleState, isfinite
 
 AVERAGE_S: Final = 1.0  # a short period and a gust of some metres are over
 LASTS_S: Final = 0.5
 BELIEVED_S: Final = 5.0
 APART_RAD: Final = 0.06
-STALE_S: Final = 0.5  # what comes later is of other air
+PITOT_AGE_MAX_S: Final = 0.5  # what comes later is of other air
 LEAST_FORCE: Final = 0.3  # of gravity: a wing that carries less says little of the speed
 LEAST_MPS: Final = 1.0  # a tube that is closed reads nothing
 
@@ -84,7 +84,7 @@ def pitot_step(
     elevator: its deflection, -1 … 1; NaN: not known.  Where anything is not known it stays.
     """
     now, pitot = inputs.time_s, inputs.airspeed
-    fresh = pitot.sequence > 0 and 0.0 <= now - pitot.time_s <= STALE_S
+    fresh = pitot.sequence > 0 and 0.0 <= now - pitot.time_s <= PITOT_AGE_MAX_S
     speed, rate = pitot.airspeed_mps, vehicle.pitch_rate_radps
     force_x, force_z = force_mps2[0] - push_mps2, force_mps2[1]
     known = isfinite(speed + force_x + force_z + elevator + rate) and dt_s > 0.0
@@ -120,8 +120,7 @@ def off_rad(aero: Aerodynamics, means: PitotMeans) -> float:
     by_lift = (lift - aero.CL0 - aero.CL_elevator * means.elevator) / aero.CL_alpha
     # The rate's part is small, and as much smaller as the air is faster.
     speed = max(sqrt(speed2), aero.polar.speed_min_mps)
-    damping = 0.5 * aero.Cm_q * aero.chord_m * means.pitch_rate_radps / speed
-    by_trim = -(aero.Cm0 + aero.Cm_elevator * means.elevator + damping) / aero.Cm_alpha
+    by_trim = trim_alpha(aero, means.elevator, means.pitch_rate_radps, speed)
     if not by_trim <= aero.stall_alpha_rad:
         return NAN
     cl, _, cd, _ = lift_drag(aero, by_trim, means.elevator)

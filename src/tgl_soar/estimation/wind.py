@@ -48,8 +48,9 @@ from math import atan2, sqrt
 from typing import Final, NamedTuple
 
 from tgl_soar.estimation.accelerometer_bias import ForceAverages, averaged, begun, unbiased
-from tgl_soar.estimation.aerodynamics import lift_drag
+from tgl_soar.estimation.aerodynamics import lift_drag, trim_alpha
 from tgl_soar.estimation.body_axes import BodyAxes, body_axes, body_motion, through_air
+from tgl_soar.estimation.pitot_watch import PITOT_AGE_MAX_S
 from tgl_soar.types import (
     NAN,
     NO_AIR,
@@ -78,7 +79,6 @@ UNSTEADY_X_MPS2: Final = 0.25
 UNSTEADY_Z_MPS2: Final = 1.3
 UNSTEADY_S: Final = 0.1
 FORCE_AGE_MAX_S: Final = 0.1
-PITOT_AGE_MAX_S: Final = 0.5  # what comes later is of other air
 FIRST_GUESS_MPS: Final = 4.0
 GATE: Final = 5.0  # standard deviations beyond which a measurement is refused
 RESTART_S: Final = 1.0  # after a gap of this length nothing is known any more
@@ -402,8 +402,7 @@ def _take_trim(
     speed2 = u * u + w * w
     if not speed2 > SLOWEST_MPS * SLOWEST_MPS:
         return posterior
-    damping = 0.5 * aero.Cm_q * aero.chord_m * pitch_rate_radps / sqrt(speed2)
-    alpha = -(aero.Cm0 + aero.Cm_elevator * elevator + damping) / aero.Cm_alpha
+    alpha = trim_alpha(aero, elevator, pitch_rate_radps, sqrt(speed2))
     by_u, by_w = -w / speed2, u / speed2
     corrected, _ = _corrected(
         posterior,
