@@ -39,7 +39,14 @@ from tgl_soar.analysis.report.polar_figure import polar_figure
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.estimation.polar import PolarFit, fit_polar, sink_band
-from tgl_soar.sim.aircraft import AircraftModel, aircraft_model, glide_at, glide_polar, lift_drag
+from tgl_soar.sim.aircraft import (
+    AircraftModel,
+    aircraft_model,
+    glide_at,
+    glide_polar,
+    highest_pitch_glide,
+    lift_drag,
+)
 from tgl_soar.sim.glide_test import WIND_MPS, GlideTick, fly, sensors_of
 from tgl_soar.sim.sensors import Sensors
 from tgl_soar.types import polar_sink
@@ -188,7 +195,7 @@ def examine(job: GlideJob) -> Examined:
         )
     sinks = [
         (polar_sink(polar.polar, u), glide_at(model, u).sink_mps, sink_band(polar, u))
-        for u in CHECKED_MPS
+        for u in checked_speeds(model)
     ]
     period, effect = true_period(model, body, found.airspeed_mps), true_effect(model, body, found)
     delay_s = delay_of(job.seed)
@@ -206,6 +213,12 @@ def examine(job: GlideJob) -> Examined:
         ),
         explained=found.explained,
     )
+
+
+def checked_speeds(model: AircraftModel) -> tuple[float, ...]:
+    """Where polars are compared [m/s]: at its slowest glide where it does not glide more slowly."""
+    slowest = highest_pitch_glide(model).horizontal_mps
+    return tuple(max(speed, slowest) for speed in CHECKED_MPS)
 
 
 def true_effect(model: AircraftModel, body: KnownAircraft, found: Identified) -> float:
