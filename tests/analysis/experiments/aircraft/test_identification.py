@@ -19,7 +19,7 @@ def test_polars_are_compared_at_the_speeds_that_the_page_names() -> None:
 
 def test_no_polar_is_compared_below_the_slowest_glide_of_an_aircraft() -> None:
     slow = flies(GlideJob(75, dispersed=True)).model
-    with pytest.raises(ValueError, match="no steady glide at 8.2 m/s"):
+    with pytest.raises(ValueError, match=r"no steady glide at 8\.2 m/s"):
         glide_at(slow, CHECKED_MPS[0])
     speeds = checked_speeds(slow)
     assert 8.2 < speeds[0] < 8.6
