@@ -47,3 +47,10 @@ def test_align_names_a_mistake(tmp_path: Path, text: str, words: str) -> None:
     run = CliRunner().invoke(app, ["align", str(points)])
     assert run.exit_code == 2
     assert words in run.output
+
+
+def test_align_says_in_words_what_it_cannot_read(tmp_path: Path) -> None:
+    found = CliRunner().invoke(app, ["align", str(tmp_path)])
+    assert found.exit_code == 2
+    assert "cannot be read: Is a directory" in found.output
+    assert "Errno" not in found.output

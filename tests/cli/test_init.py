@@ -262,7 +262,8 @@ def test_what_is_not_known_is_refused(
 
 def test_a_file_in_the_place_of_the_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    assert "is a file: name a folder" in begun(tmp_path / "file", code=2)
+    for folder in (tmp_path / "file", tmp_path / "file" / "new" / "newer"):
+        assert f"{tmp_path / 'file'}: is a file: name a folder" in begun(folder, code=2)
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,9 @@ def read_pairs(path: Path) -> list[Pair]:
             for number, row in enumerate(rows, 1):
                 x, y, z, north, east, down = (_cell(path, number, row, n) for n in COLUMNS)
                 pairs.append(Pair((x, y, z), (north, east, down)))
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
     return pairs
 

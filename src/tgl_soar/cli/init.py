@@ -150,8 +150,9 @@ def place(files: dict[str, str], folder: Path, *, force: bool) -> list[Path]:
     All are complete beside their places before the first is moved there.
     Errors: FileExistsError naming what is there, where it is not to be replaced; OSError.
     """
-    if folder.exists() and not folder.is_dir():
-        raise FileExistsError(f"{folder}: is a file: name a folder")
+    for above in (folder, *folder.parents):
+        if above.is_file():
+            raise FileExistsError(f"{above}: is a file: name a folder")
     taken = [name for name in files if (folder / name).exists()]
     if taken and not force:
         raise FileExistsError(f"{folder}: has {', '.join(taken)} already: --force replaces them")
