@@ -264,6 +264,8 @@ def test_a_file_in_the_place_of_the_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for folder in (tmp_path / "file", tmp_path / "file" / "new" / "newer"):
         assert f"{tmp_path / 'file'}: is a file: name a folder" in begun(folder, code=2)
+    os.mkfifo(tmp_path / "pipe")  # nor in that of any other thing that is no folder
+    assert f"{tmp_path / 'pipe'}: is a file: name a folder" in begun(tmp_path / "pipe", code=2)
 
 
 @pytest.mark.parametrize(

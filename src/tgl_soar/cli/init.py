@@ -151,7 +151,7 @@ def place(files: dict[str, str], folder: Path, *, force: bool) -> list[Path]:
     Errors: FileExistsError naming what is there, where it is not to be replaced; OSError.
     """
     for above in (folder, *folder.parents):
-        if above.is_file():
+        if above.exists() and not above.is_dir():
             raise FileExistsError(f"{above}: is a file: name a folder")
     taken = [name for name in files if (folder / name).exists()]
     if taken and not force:

@@ -66,7 +66,7 @@ def test_what_is_no_mission_is_named_with_its_line(tmp_path: Path, text: str, wh
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(MissionError, match="cannot be read"):
+    with pytest.raises(MissionError, match="cannot be read: No such file"):
         read_mission(tmp_path / "none.txt")
 
 

@@ -41,7 +41,9 @@ def read_mission(path: Path) -> tuple[MissionItem, ...]:
     """The rows of a file, home first.  Errors: `MissionError`."""
     try:
         lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise MissionError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
         raise MissionError(f"{path}: cannot be read: {error}") from None
     if not lines or lines[0].strip() != HEADING:
         raise MissionError(f"{path}: line 1: not a mission: a ground station writes {HEADING!r}")

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tgl_soar.analysis.experiments.aircraft import identification
 from tgl_soar.analysis.experiments.aircraft.identification import (
     CHECKED_MPS,
     GlideJob,
@@ -14,7 +13,7 @@ from tgl_soar.sim.aircraft import glide_at
 
 def test_polars_are_compared_at_the_speeds_that_the_page_names() -> None:
     assert checked_speeds(flies(GlideJob(1)).model) == pytest.approx(CHECKED_MPS)
-    assert identification.CHECKED_MPS[0] == 8.2
+    assert CHECKED_MPS[0] == 8.2
 
 
 def test_no_polar_is_compared_below_the_slowest_glide_of_an_aircraft() -> None:
