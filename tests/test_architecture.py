@@ -39,6 +39,9 @@ TABLE: dict[str, set[str]] = {
     "control.survey": {"control.laws"},
     "control.lateral_margin": {"control.laws", "config.lateral_dynamics"},
     "control.loop_margin": {"control.lateral_margin"},
+    "control.found_gains": {"control.loop_margin"},
+    "control.pitch_design": {"control.found_gains"},
+    "config.files": {"config", "control.pitch_design"},  # it seeks gains for an airframe
     "control.line_bounds": {"control.loop_margin"},
     "control.envelope_margins": {"control.laws"},
     "control.surface_loops": {"control.laws"},
@@ -60,7 +63,7 @@ TABLE: dict[str, set[str]] = {
         "control.search",
         "control.survey",
         "link",
-        "config",
+        "config.files",
         "onboard.flightlog",
         "onboard.native",
         "onboard.pacing",
@@ -70,7 +73,7 @@ TABLE: dict[str, set[str]] = {
     "air": {"geometry"},
     "sim.campaign": {"config"},  # many flights, whatever a flight is
     "sim.lines_ahead": {"air", "control.search"},  # rollouts, compiled for experiments
-    "sim": {"autopilot", "air", "link", "config", "onboard.realtime", "sim.campaign"},
+    "sim": {"autopilot", "air", "link", "config.files", "onboard.realtime", "sim.campaign"},
     "analysis": {"sim", "sim.lines_ahead", "onboard", "air"},
     "gym": {"analysis"},
     "cli": {"analysis", "onboard", "sim"},
@@ -93,7 +96,7 @@ PURE = {
     "control.conditions", "control.envelope_margins", "control.point", "control.estimates",
     "control.surface_loops", "control.launch_landing", "control.power",
     "control.lateral_margin", "control.loop_margin", "control.line_bounds", "control.search",
-    "control.survey",
+    "control.survey", "control.found_gains", "control.pitch_design",
     "estimation", "autopilot",
 }  # fmt: skip
 IMPURE = {
@@ -238,7 +241,7 @@ CLASS_LINES = 300
 FUNCTION_LINES = 80
 # What is longer, how long it may be, and why.
 LONGER: dict[str, tuple[int, str]] = {
-    "config/parameters.py": (1060, "a table: one declaration a parameter, and it grows with them"),
+    "config/parameters.py": (1064, "a table: one declaration a parameter, and it grows with them"),
 }
 
 

@@ -12,12 +12,12 @@ from tgl_soar.analysis.linear_controller import linear_controller
 from tgl_soar.analysis.linear_model import close_loop, disk_margin
 from tgl_soar.analysis.linear_plant import Condition, linear_plant
 from tgl_soar.analysis.tuning.aircraft import Ranges, drawn_aircraft
-from tgl_soar.analysis.tuning.demands import INERTIAL
 from tgl_soar.analysis.tuning.flights import values_of
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.line_changes import LineChanges
 from tgl_soar.config.parameters import ParameterError, ParameterSet
 from tgl_soar.control import loop_margin
+from tgl_soar.control.found_gains import ANCHORS, INERTIAL, SHIPPED
 from tgl_soar.control.laws import dynamics_of, laws_from
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.control.loop_margin import FLOOR, flown, margin_fault
@@ -70,12 +70,12 @@ def test_a_margin_is_of_an_airframe_of_which_all_is_known(changes: dict[str, flo
 @pytest.mark.parametrize("inertial", [True, False])
 @pytest.mark.parametrize("delay_s", [0.005, 0.0245, 0.04])
 def test_the_rule_agrees_with_the_linear_model(inertial: bool, delay_s: float) -> None:
-    """Within 0.1, which is what a margin of 0.5 is known to anyway (1 dB of effect)."""
+    """Within 0.03; what a file errs by takes more (1 dB of the elevator's effect takes 0.1)."""
     values = shipped_values().changed({"CMD_DELAY": delay_s})
     for speed in (8.5, 12.0, 14.0):
         for lean in (5.0, 15.0, 45.0):
             rule, model = both(values, speed, lean, inertial)
-            assert rule == pytest.approx(model, abs=0.1), f"{speed} m/s, {lean} degrees"
+            assert rule == pytest.approx(model, abs=0.03), f"{speed} m/s, {lean} degrees"
 
 
 @pytest.mark.parametrize("inertial", [True, False])
@@ -84,8 +84,9 @@ def test_the_rule_knows_what_is_unstable(inertial: bool) -> None:
     as_they_stand = shipped_values().changed({"RHO_SPEED": 0.0, "CMD_DELAY": 0.04})
     for speed, lean in ((8.5, 45.0), (14.0, 5.0), (8.5, 15.0)):
         rule, model = both(as_they_stand, speed, lean, inertial)
-        assert (rule < FLOOR) == (model < FLOOR)
-        assert rule == pytest.approx(model, abs=0.12)
+        assert rule < FLOOR + 0.02
+        assert model < FLOOR
+        assert rule == pytest.approx(model, abs=0.03)
 
 
 def test_every_lean_of_the_shipped_airframe_is_accepted() -> None:
@@ -107,6 +108,10 @@ def test_every_lean_of_an_aircraft_that_no_gain_was_found_on_is_accepted(delay_s
     """Gains yield where the margin would not do: without, 0.49 at 5 degrees with accelerometers,
     and 0.46 at 45 without."""
     values = unseen_values().changed({"CMD_DELAY": delay_s})
+    for degree in range(5, 46):
+        assert margin_fault(values.changed({"TGL_LEAN": float(degree)})) == ""
+    # The shipped aircraft's gains, as the schedule carries them there.
+    values = values.changed({name: shipped_values()[name] for name in (*SHIPPED, *ANCHORS)})
     for degree in range(5, 46):
         assert margin_fault(values.changed({"TGL_LEAN": float(degree)})) == ""
     unyielding = values.changed({"DYN_PATH": 0.0})
@@ -175,9 +180,9 @@ def test_half_a_gain_is_taken_in_flight_with_a_warning(name: str) -> None:
 
 
 def test_a_margin_is_never_shown_as_more_than_it_is() -> None:
-    """1.41 times RHO_D leaves 0.498: refused as 0.50 of 0.5 it would read as a mistake."""
+    """1.33 times RHO_D leaves 0.498: refused as 0.50 of 0.5 it would read as a mistake."""
     before = shipped_values()
-    words = margin_fault(before.changed({"RHO_D": 1.41 * before["RHO_D"]}))
+    words = margin_fault(before.changed({"RHO_D": 1.33 * before["RHO_D"]}))
     assert words.endswith(": 0.49 of 0.5")
 
 

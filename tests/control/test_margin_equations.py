@@ -155,6 +155,7 @@ PITCH = Flown(
     speed_mps=9.0,
     lean_rad=0.4,
     inertial=True,
+    lift_mps2=-4.0,
     soaring=gains(0.08, 0.02, 0.06, 20.0),
     pitch=gains(0.8, 0.6, 0.08, 60.0),
 )
@@ -172,6 +173,7 @@ def pitch_by_matrices(loop: Flown, radps: Numbers) -> float:
     damped = lift / v - 2.0 * known.damping * omega
     stiff = -(omega**2) - damped * lift / v
     effect = known.effect_radps2 * ratio**2
+    lifted = loop.lift_mps2 * ratio**2
 
     def sensitivity(s: complex) -> tuple[complex, complex]:
         free = np.array(
@@ -181,7 +183,9 @@ def pitch_by_matrices(loop: Flown, radps: Numbers) -> float:
                 (0.0, stiff, s * s - damped * s - stiff),
             )
         )
-        speed, path, pitch = np.linalg.solve(free, np.array((0.0, 0.0, effect + 0j)))
+        speed, path, pitch = np.linalg.solve(
+            free, np.array((-lifted / (known.glide_ratio * square), lifted, effect + 0j))
+        )
         lean = loop.lean_rad - falls
         rate = np.cos(lean) * speed - v * np.sin(lean) * path
         surface = np.exp(-s * (loop.delay_s + HALF_A_TICK_S)) / (1.0 + s * loop.lag_s)

@@ -52,18 +52,25 @@ def test_the_rows_of_imports_are_those_that_are_asserted() -> None:
     assert stated == TABLE
 
 
+FILES = "files"  # config.files: it stands above the laws, which seek gains for what it reads
+
+
+def box(unit: str) -> str:
+    return FILES if unit == "config.files" else unit.split(".")[0]
+
+
 def test_the_arrows_of_imports_lead_where_the_rows_lead() -> None:
     arrows = re.findall(r"(\w+) --> (\w+)", diagram("Who may import whom"))
-    drawn: dict[str, set[str]] = {door: set() for door in DOORS}
+    drawn: dict[str, set[str]] = {door: set() for door in (*DOORS, FILES)}
     for door, below in arrows:
         drawn[door].add(below)
 
     def reached(door: str) -> set[str]:
         return set().union(*({below} | reached(below) for below in drawn[door]))
 
-    for door in DOORS:
-        allowed = {p.split(".")[0] for unit in TABLE if unit.split(".")[0] == door
-                   for p in permitted(unit)}  # fmt: skip
+    for door in drawn:
+        units = [unit for unit in TABLE if box(unit) == door]
+        allowed = {box(below) for unit in units for below in permitted(unit)}
         assert drawn[door] <= allowed, door
         assert reached(door) | {door} >= allowed, f"{door}: an arrow is missing"
 

@@ -34,6 +34,7 @@ from tgl_soar.config.parameter_store import (
 )
 from tgl_soar.config.parameters import PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Site
+from tgl_soar.control.found_gains import ANCHORS, SHIPPED
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.onboard.setup import bounds_from
 
@@ -103,11 +104,13 @@ class Beginning(NamedTuple):
     notes: tuple[str, ...]
 
     def origin(self, name: str) -> str:
-        """Where a value comes from."""
+        """Where a value comes from; sought: for this airframe (`control.pitch_design`)."""
         if name in self.kept:
             return "stored"
-        if name in self.site.parameters or self.files[name] != self._of_airframe(name):
+        if name in self.site.parameters:
             return "site"
+        if self.files[name] != self._of_airframe(name):
+            return "sought" if name in (*SHIPPED, *ANCHORS) else "site"
         return "airframe" if name in self.airframe.all_parameters() else "default"
 
     def _of_airframe(self, name: str) -> float:

@@ -137,6 +137,11 @@ class AutopilotLink(Strict, frozen=True):
     imu: Literal["usual", "raw_imu", "scaled_imu", "highres_imu", "none"] = "usual"
     rangefinder: bool = False  # one that looks down is fitted: its distances are asked for
 
+    @property
+    def holds_attitude(self) -> bool:
+        """Whether the firmware's own loops hold pitch and bank by this route."""
+        return self.route == "attitude" or (self.firmware == "px4" and self.route is None)
+
 
 # What the simulation flies: six degrees of freedom, or the paper's point mass.
 ModelKind = Literal["rigid_body", "point_mass"]

@@ -6,6 +6,7 @@ reference speed V, which is that of the best glide unless the file names another
 
     L' = Q S C_Lα / (m V)             M' = Q S c C_mα / I          D' = Q S c² C_mq / (2 V I)
     ω² = -M' - D' L'                  2 ζ ω = L' - D'              effect = Q S c C_mδ / I
+    DYN_LIFT = Q S C_Lδ / m
     C_L* = sqrt(C_D0 / C_DL)          V* = sqrt(2 m g / (ρ S C_L*))     E = 1 / (2 sqrt(C_D0 C_DL))
 
 Etkin and Reid, Dynamics of Flight, chapter 6.  What cannot be had is left out: the gains are then
@@ -127,6 +128,7 @@ def _short_period(
     damped = turning * model["Cm_q"] * chord / (2.0 * speed_mps)
     square = -stiff - damped * lift
     found = {"DYN_EFFECT": turning * model["Cm_elevator"], "DYN_PATH": 1.0 / lift}
+    found["DYN_LIFT"] = force * model.get("CL_elevator", 0.0) / bench["mass_kg"]
     if square > 0.0 and lift > damped:
         found["DYN_FREQ"] = sqrt(square)
         found["DYN_DAMP"] = (lift - damped) / (2.0 * sqrt(square))

@@ -20,7 +20,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 from msgspec import Struct, inspect
 
-from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe
+from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe, AutopilotLink
 from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
@@ -89,7 +89,8 @@ def load_site(path: str | Path) -> Site:
 def load_parameters(
     airframe: Airframe, airframe_path: str | Path, site: Site, site_path: str | Path
 ) -> ParameterSet:
-    """Defaults, then the airframe's values, then the site's.  Errors: `ConfigError`."""
+    """Defaults, then the airframe's values, then the site's; and gains of pitch for this airframe
+    where neither has any of its own (`control.pitch_design`).  Errors: `ConfigError`."""
     values = _checked_airframe(airframe_path, airframe)
     _check_against_airframe(airframe_path, values, airframe)
     values = _checked_site(site_path, site, values)
@@ -101,7 +102,21 @@ def load_parameters(
         except ParameterError as error:
             key = f"lines.{name}.{_LINE_KEYS[error.name]}"
             raise ConfigError(f"{site_path}: {key} = {error.value}: {error.reason}") from None
-    return values
+    return with_own_gains(values, airframe.autopilot)
+
+
+def with_own_gains(values: ParameterSet, autopilot: AutopilotLink) -> ParameterSet:
+    """With the gains of pitch of this very airframe, sought in a second or two, where those that
+    are there are for another one.  A firmware's own loops are too slow for what they allow."""
+    # The laws are imported here, so that what only reads files does without them, and numpy with
+    # scipy where gains are to be sought: a flight with gains of its own does without those.
+    from tgl_soar.control.found_gains import are_for_another
+
+    if autopilot.holds_attitude or not are_for_another(values):
+        return values
+    from tgl_soar.control.pitch_design import own_gains
+
+    return values.changed(own_gains(values))
 
 
 def load_flight(

@@ -310,6 +310,10 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="This airframe's pitch acceleration for a full elevator; 0: not known.",
     ),
     Parameter(
+        name="DYN_LIFT", unit="m/s^2", minimum=-200, maximum=200, default=0.0,
+        meaning="Its lift, over the mass; of a tail that lifts the nose below 0. 0: not known.",
+    ),
+    Parameter(
         name="DYN_SERVO", unit="s", minimum=0, maximum=0.3, default=0.0185,
         meaning="Lag and delay of this airframe's elevator servo.",
     ),

@@ -27,4 +27,8 @@ Other ways to fly
 Whether a line can be flown
   line_bounds          fence, ground, contour;  line_room: how far down and up a line there is room
   loop_margin          the loop's disk margin;  lateral_margin: of roll and heading
+
+Gains for an aircraft
+  found_gains          which they are, and on which aircraft they were found
+  pitch_design         sought for the one that is loaded, on the rule's model of its loop
 """

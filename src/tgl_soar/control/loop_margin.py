@@ -5,19 +5,20 @@ whole simulation by differences, here by the textbook, in the frequency domain. 
 the airspeed V whose path falls by g_d, with v the speed along the path, g its angle, t the pitch:
 
     (s + 2 g sin g_d / V) v + (g cos g_d - D') g + D' t = -D_δ δ        L' = V / path lag
-    -(2 g cos g_d / V) v + (V s + L' + g sin g_d) g - L' t = 0          D' = L' dD/dL
+    -(2 g cos g_d / V) v + (V s + L' + g sin g_d) g - L' t = L_δ δ      D' = L' dD/dL
     M' g + (s² - M_q s - M') t = M δ                                    M_q = L'/V - 2 ζ ω
     de_rho/dt = v cos(l - g_d) - V sin(l - g_d) g                       M'  = -ω² - M_q L'/V
 
-The elevator answers as exp(-s (delay + half a tick)) / (1 + s lag).  Fixes are old by A and are
-carried on by their velocity: e (1 + s A) exp(-s A), its rate exp(-s A) late; with accelerometers
-neither.  The loop is opened at the elevator and at e_rho, and
+L_δ is the elevator's lift, D_δ = L_δ dD/dL the drag that comes with it.  It answers as
+exp(-s (delay + half a tick)) / (1 + s lag).  Fixes are old by A and are carried on by their
+velocity: e (1 + s A) exp(-s A), its rate exp(-s A) late; with accelerometers neither.  The loop is
+opened at the elevator and at e_rho, and
 
     alpha = min 1 / |S - 1/2|,     S = 1 / (1 + L)       0 where 1 + L turns the wrong way round 0
 
 The sum of turns of 1 + L is that of a stable loop: half a turn forward; an unstable one turns back.
-Without lift of the elevator and beyond the stall it is not exact: within 0.1 of the linear model
-from 8.5 m/s on (tests/control/test_loop_margin.py).
+Beyond the stall it is not exact: within 0.03 of the linear model from 8.5 m/s on
+(tests/control/test_loop_margin.py).
 
 Roll and heading are judged likewise (`lateral_margin`), where the airframe file tells their
 dynamics.
@@ -58,7 +59,7 @@ WAY_STEP_M: Final = 0.5  # of the way to the waypoint: one answer for roll and h
 FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there
 # Of the best glide's speed: where it soars in a tunnel and on a hill, 8.5 to 10.6 m/s for 9.25.
 SPEEDS: Final = (0.92, 1.0, 1.15)
-_RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
+RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
 # The place of the line says nothing of the loop.
 _ANYWHERE: Final = {"TGL_X": 0.0, "TGL_Z": 0.0, "TGL_PRESET": 0.0}
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
@@ -79,6 +80,7 @@ class Flown(NamedTuple):
     speed_mps: float
     lean_rad: float
     inertial: bool  # accelerations are in use
+    lift_mps2: float  # of a full deflection, at the airframe's speed_mps
     soaring: PidGains
     pitch: PidGains
 
@@ -245,6 +247,7 @@ def flown(
         speed_mps=max(SPEED_MIN_MPS, speed_mps),
         lean_rad=radians(lean_deg),
         inertial=inertial,
+        lift_mps2=values["DYN_LIFT"],
         soaring=soaring_gains(soaring, laws.schedule, weight, speed_mps, eta).pid,
         pitch=pitch_gains(pitch, laws.schedule, speed_mps),
     )
@@ -253,7 +256,7 @@ def flown(
 def disk_margin(loop: Flown) -> float:
     """alpha of the worse break; 0: unstable."""
     least, turned, before = 2.0, 0.0, complex(1.0)
-    for k, radps in enumerate(_RADPS):
+    for k, radps in enumerate(RADPS):
         at_elevator, at_line = _open_loops(loop, radps)
         back = 1.0 + at_elevator
         if k > 0:
@@ -309,8 +312,13 @@ def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
     a32, a33 = stiff, s * s - damped * s - stiff
     minor = a22 * a33 - a23 * a32
     determinant = a11 * minor - a12 * a21 * a33 + a13 * a21 * a32
-    speed = effect * (a12 * a23 - a13 * a22) / determinant
-    path = effect * (a13 * a21 - a11 * a23) / determinant
-    pitch = effect * (a11 * a22 - a12 * a21) / determinant
+    lifted = loop.lift_mps2 * ratio * ratio  # L_δ
+    slowed = -lifted / (known.glide_ratio * square)  # -D_δ
+    speed = (effect * (a12 * a23 - a13 * a22) + lifted * (a13 * a32 - a12 * a33)) / determinant
+    path = (effect * (a13 * a21 - a11 * a23) + lifted * a11 * a33) / determinant
+    pitch = (effect * (a11 * a22 - a12 * a21) - lifted * a11 * a32) / determinant
+    speed += slowed * minor / determinant
+    path += slowed * (-a21 * a33) / determinant
+    pitch += slowed * a21 * a32 / determinant
     lean = loop.lean_rad - falls
     return cos(lean) * speed - v * sin(lean) * path, pitch

@@ -32,7 +32,7 @@ from tgl_soar.analysis.experiments.loop.margin_tables import REFUSED_LEANS_DEG, 
 from tgl_soar.analysis.experiments.scenario import prepare
 from tgl_soar.analysis.survey.contour_fit import DrawnContour
 from tgl_soar.analysis.survey.survey_flight import SurveyFlight
-from tgl_soar.analysis.tuning.demands import SETS
+from tgl_soar.control.found_gains import SETS
 from tgl_soar.control.point_hold import HOLDS
 from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, SOARING
 from tgl_soar.control.supervisor_texts import MODE_NAMES

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from tgl_soar.analysis.tuning import flights
 from tgl_soar.analysis.tuning import tune as tuning
 from tgl_soar.analysis.tuning.aircraft import Ranges
-from tgl_soar.analysis.tuning.demands import FOR_JUDGING, INERTIAL, PLAIN, SETS
+from tgl_soar.analysis.tuning.demands import FOR_JUDGING
 from tgl_soar.analysis.tuning.progress_file import ProgressError, ProgressFile
 from tgl_soar.analysis.tuning.result import airframe_with, as_toml, pareto_figure
 from tgl_soar.analysis.tuning.search import cost
@@ -25,6 +25,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.config.lateral_gains import lateral_gains
+from tgl_soar.control.found_gains import INERTIAL, PLAIN, SETS
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -213,7 +214,9 @@ def test_an_aircraft_flies_with_what_its_file_says(kind: str) -> None:
     assert values["EST_IMU"] == (1.0 if kind == INERTIAL else 0.0)
     assert values["CMD_DELAY"] == pytest.approx(drawn.latency_s)
     assert values["DYN_FREQ"] == pytest.approx(drawn.known.all_parameters()["DYN_FREQ"], rel=1e-6)
-    assert values["RHO_P"] == VALUES["RHO_P"]
+    assert values["RHO_SPEED"] == values["DYN_SPEED"]  # gains were sought for it
+    searched = VALUES.changed({"RHO_P": 0.41})  # these are a search's own
+    assert flights.values_of(searched, drawn, kind)["RHO_P"] == searched["RHO_P"]
     for name in ("PITCH_MIN", "PITCH_MAX", "REC_PITCH"):
         assert values[name] - values["PITCH_TRIM"] == pytest.approx(
             VALUES[name] - VALUES["PITCH_TRIM"], abs=1e-5

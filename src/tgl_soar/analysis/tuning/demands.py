@@ -11,8 +11,8 @@ With accelerometers and without are two sets of gains, and two questions: each i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import degrees, inf, pi, radians, sqrt
+from collections.abc import Mapping
+from math import inf, radians, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,36 +23,13 @@ from tgl_soar.analysis.linear_model import activity, close_loop, disk_margin
 from tgl_soar.analysis.linear_plant import Condition, Gusts, Plant, linear_plant
 from tgl_soar.analysis.tuning.aircraft import Ranges, drawn_aircraft
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.found_gains import INERTIAL
 from tgl_soar.control.laws import Laws, laws_from
-from tgl_soar.control.pitch_schedule import (
-    SPEED_MIN_MPS,
-    lean_of_glide,
-    pitch_gains,
-    soaring_gains,
-)
-from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.aircraft import aircraft_model, highest_pitch_glide
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.servos import servo_params
-
-INERTIAL: Final = "accelerometers"
-PLAIN: Final = "fixes"
-SETS: Final = (PLAIN, INERTIAL)
-# Sought; an integral keeps its time to the gain beside it: it is for trim, not for gusts.
-SOUGHT: Final = {
-    PLAIN: ("RHO_P", "RHO_D", "RHO_D_FILT", "ELE_P", "ELE_D"),
-    INERTIAL: ("RHO_P_IMU", "RHO_D_IMU", "RHO_DF_IMU", "ELE_P_IMU", "ELE_D_IMU"),
-}
-INTEGRALS: Final = {
-    PLAIN: {"RHO_I": "RHO_P", "ELE_I": "ELE_P"},
-    INERTIAL: {"RHO_I_IMU": "RHO_P_IMU", "ELE_I_IMU": "ELE_P_IMU"},
-}
-ANCHORS: Final = (
-    *("RHO_SPEED", "RHO_LEAN", "ELE_FREQ", "ELE_DAMP", "ELE_EFFECT"),
-    *("ELE_LATE", "ELE_LAG"),
-)
 
 # As fractions of the best glide's speed: 7.6, 9.25 and 14 m/s on the shipped aircraft.
 SLOWEST, FASTEST = 0.82, 1.51
@@ -61,7 +38,6 @@ USUAL: Final = (0.92, 1.15)  # where it soars in a tunnel and on a hill
 FREQUENCIES_RADPS: Final = np.geomspace(0.5, 200.0, 60)
 # What aircraft are drawn for: none serves twice.
 FOR_SEARCH, FOR_CHOICE, FOR_JUDGING = 0, 1, 2
-ROUNDS: Final = 20  # of anchoring: what is left then is the rounding of parameters
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 
 
@@ -92,86 +68,6 @@ class DemandedPlace(NamedTuple):
     plant: Plant
     known: Mapping[str, float]  # parameters
     name: str
-
-
-def anchored(values: ParameterSet, lean_deg: float) -> ParameterSet:
-    """The same gains, written as found on this very airframe, at its reference speed and this lean.
-
-    What is flown there stays as it is; what is flown elsewhere follows from there.
-    Errors: ValueError where the airframe is not known well enough; `ParameterError`.
-    """
-    for name in ("DYN_SPEED", "DYN_FREQ", "DYN_DAMP", "DYN_EFFECT"):
-        if not values[name] > 0.0:
-            raise ValueError(
-                f"{name} = {values[name]:g}: not known of this airframe, and must be above 0;"
-                " complete its [model] or give it in [dynamics] (`tgl-soar identify`)"
-            )
-    schedule = laws_from(values, _HERE).schedule
-    speed = max(SPEED_MIN_MPS, values["DYN_SPEED"])
-    wanted = _flown(values, speed, lean_deg)
-    anchors = (
-        speed,
-        lean_deg - degrees(lean_of_glide(schedule, speed)),
-        values["DYN_FREQ"],
-        values["DYN_DAMP"],
-        values["DYN_EFFECT"],
-        values["DYN_SERVO"] + values["CMD_DELAY"],
-        min(values["DYN_LAG"], values["DYN_SERVO"]),
-    )
-    for name in (name for kind in SETS for name in SOUGHT[kind]):
-        if not wanted.get(name, values[name]) > 0.0:
-            raise ValueError(
-                f"{name} = 0: gains are sought as factors of what is flown now, and of nothing"
-                " there are none; give it a value above 0, or leave it out"
-            )
-    start = values.changed({**wanted, **dict(zip(ANCHORS, anchors, strict=True))})
-    for _ in range(ROUNDS):  # what yields at this lean yields again
-        flown = _flown(start, speed, lean_deg)
-        start = start.changed(
-            {
-                name: min(PARAMETERS[INDEX[name]].maximum, start[name] * gain / flown[name])
-                for name, gain in wanted.items()
-                if flown[name] > 0.0
-            }
-        )
-    return start
-
-
-def _flown(values: ParameterSet, speed_mps: float, lean_deg: float) -> dict[str, float]:
-    """The gains that are flown there, by the names of the parameters that give them."""
-    laws = laws_from(values, _HERE)
-    eta = eta_from_lean(radians(lean_deg))
-    found: dict[str, float] = {}
-    for weight, suffix, soaring, pitch in (
-        (0.0, "", laws.soaring, laws.pitch),
-        (1.0, "_IMU", laws.soaring_imu, laws.pitch_imu),
-    ):
-        outer = soaring_gains(soaring, laws.schedule, weight, speed_mps, eta).pid
-        inner = pitch_gains(pitch, laws.schedule, speed_mps)
-        for letter, out, within in (
-            ("P", outer.kp, inner.kp),
-            ("I", outer.ki, inner.ki),
-            ("D", outer.kd, inner.kd),
-        ):
-            found[f"RHO_{letter}{suffix}"] = out
-            found[f"ELE_{letter}{suffix}"] = within
-        filtered = "RHO_DF_IMU" if weight else "RHO_D_FILT"
-        found[filtered] = outer.rate_filter_radps / (2.0 * pi)
-    return found
-
-
-def with_gains(values: ParameterSet, kind: str, gains: Sequence[float]) -> ParameterSet:
-    """Values with the sought gains of a set, in the order of `SOUGHT`; integrals go with them."""
-    changed = dict(zip(SOUGHT[kind], gains, strict=True))
-    for name, beside in INTEGRALS[kind].items():
-        wanted = values[name] * changed[beside] / values[beside]
-        changed[name] = min(PARAMETERS[INDEX[name]].maximum, wanted)
-    return values.changed(changed)
-
-
-def gains_of(values: ParameterSet, kind: str) -> list[float]:
-    """The sought gains of a set, in the order of `SOUGHT`."""
-    return [values[name] for name in SOUGHT[kind]]
 
 
 class Places(NamedTuple):

@@ -25,7 +25,6 @@ from tgl_soar.air.zeuc import Crossing, ZeucError, stable_crossing
 from tgl_soar.analysis.experiments.scenario import place_at_speed_ratio, search_bounds
 from tgl_soar.analysis.experiments.spread_along_line import Slide, dryden_dispersion, leverage
 from tgl_soar.analysis.tuning.aircraft import TICK_S, Drawn, Ranges, drawn_aircraft
-from tgl_soar.analysis.tuning.demands import INERTIAL
 from tgl_soar.autopilot import mode_name, reason_text
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
@@ -33,7 +32,9 @@ from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site, Start
 from tgl_soar.control.envelope import clearance, outside
+from tgl_soar.control.found_gains import INERTIAL
 from tgl_soar.control.laws import laws_from
+from tgl_soar.control.pitch_design import own_gains
 from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
@@ -295,7 +296,8 @@ def values_of(values: ParameterSet, drawn: Drawn, kind: str) -> ParameterSet:
     """The parameters that an aircraft flies with: as its own file has them.
 
     All that follows from the aircraft, the gains of roll and heading with it, follows from the one
-    that was drawn; what the file gives in [parameters] is in `values`.
+    that was drawn; what the file gives in [parameters] is in `values`.  Gains of pitch are sought
+    for it unless they are a search's own, anchored to the aircraft about which this one was drawn.
     """
     own = drawn.known.all_parameters()
     derived = {**lateral_gains(drawn.known), **own}
@@ -303,7 +305,7 @@ def values_of(values: ParameterSet, drawn: Drawn, kind: str) -> ParameterSet:
     model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
     trim = degrees(glide_at(model, max(own["DYN_BEST"], _slowest(drawn))).pitch_rad)
     shift = trim - values["PITCH_TRIM"]
-    return values.changed(
+    flown = values.changed(
         {
             **known,
             "CMD_DELAY": drawn.latency_s,
@@ -314,6 +316,7 @@ def values_of(values: ParameterSet, drawn: Drawn, kind: str) -> ParameterSet:
             "REC_PITCH": values["REC_PITCH"] + shift,
         }
     )
+    return flown.changed(own_gains(flown))
 
 
 def _slowest(drawn: Drawn) -> float:

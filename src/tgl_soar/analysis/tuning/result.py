@@ -9,10 +9,11 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Final
 
-from tgl_soar.analysis.tuning.demands import SETS, Given
+from tgl_soar.analysis.tuning.demands import Given
 from tgl_soar.analysis.tuning.search import PRICE_M, RESERVE, front
 from tgl_soar.analysis.tuning.tune import FlownRow, Judged, Task, Tuned, manifest
 from tgl_soar.config.parameter_files import shortest
+from tgl_soar.control.found_gains import SETS
 from tgl_soar.sim.campaign.manifest import key_of
 
 # A number that is not known, or of an unstable loop.

@@ -1,6 +1,6 @@
 """From an airframe file to gains and their schedule.
 
-    1. anchor   the gains that are flown now, as found on this very airframe (`demands.anchored`)
+    1. anchor   the gains that are flown now, as found on this airframe (`found_gains.anchored`)
     2. search   each set on the linear model (`search`), margins as constraints
     3. choose   in flight, between the best and those with more margin: by who stays up, then e_rho
     4. judge    on the linear model and in flight, on aircraft and air that served nothing before,
@@ -18,22 +18,15 @@ from typing import Any, NamedTuple
 from tgl_soar.analysis.tuning import flights
 from tgl_soar.analysis.tuning.aircraft import Ranges
 from tgl_soar.analysis.tuning.demands import (
-    ANCHORS,
     FOR_CHOICE,
     FOR_JUDGING,
-    INTEGRALS,
-    SETS,
-    SOUGHT,
     Demands,
     Given,
     Places,
-    anchored,
     drawn_place,
-    gains_of,
     given_by,
     place_margin,
     places_of,
-    with_gains,
 )
 from tgl_soar.analysis.tuning.progress_file import ProgressFile
 from tgl_soar.analysis.tuning.search import (
@@ -49,6 +42,15 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import air_files
+from tgl_soar.control.found_gains import (
+    ANCHORS,
+    INTEGRALS,
+    SETS,
+    SOUGHT,
+    anchored,
+    gains_of,
+    with_gains,
+)
 from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.sim.campaign.encoding import digest as digest_of
 from tgl_soar.sim.campaign.executors import Executor, local

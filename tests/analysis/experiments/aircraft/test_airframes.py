@@ -28,9 +28,9 @@ from tgl_soar.analysis.experiments.aircraft.drawn_airframes import (
     drawn_airframe,
 )
 from tgl_soar.analysis.logs.gliding import MeanWind
-from tgl_soar.analysis.tuning.demands import SETS
 from tgl_soar.analysis.tuning.flights import DrawnFlight
 from tgl_soar.config.files import airframe_from, load_airframe, shipped
+from tgl_soar.control.found_gains import SETS
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.sim.glide_test import wind_of
 

@@ -20,7 +20,6 @@ from tgl_soar.analysis.experiments.aircraft.dispersed import (
 )
 from tgl_soar.analysis.tuning import flights as tuning_flights
 from tgl_soar.analysis.tuning.aircraft import Ranges
-from tgl_soar.analysis.tuning.demands import INERTIAL
 from tgl_soar.analysis.tuning.flights import (
     CLEAR_OF_GROUND,
     CLEAR_OF_STALL_RAD,
@@ -36,6 +35,7 @@ from tgl_soar.config.files import (
     shipped,
 )
 from tgl_soar.control.envelope import clearance
+from tgl_soar.control.found_gains import INERTIAL
 from tgl_soar.control.supervisor import SOARING
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.geometry import quaternion_from_euler

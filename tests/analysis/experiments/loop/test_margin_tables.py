@@ -22,7 +22,7 @@ from tgl_soar.analysis.experiments.loop.margin_tables import (
 )
 from tgl_soar.analysis.experiments.result import as_json
 from tgl_soar.analysis.linear_model import Margin
-from tgl_soar.analysis.tuning.demands import INERTIAL, PLAIN
+from tgl_soar.control.found_gains import INERTIAL, PLAIN
 
 HERE, BY_FIXES = FOUND, FOUND._replace(inertial=False)
 FAR = TableJob(speed_mps=14.0, lean_deg=45.0, delay_s=0.04, inertial=False)
@@ -72,18 +72,32 @@ def test_decibels_and_degrees_are_asked_of_both_breaks_where_gains_were_found() 
     assert plain.holds
 
 
+def has(near: float, far: float, errors: float, e_rho_m: float = 0.8) -> DrawnFound:
+    return DrawnFound(
+        near=near, far=far, with_errors=errors, e_rho_m=0.01 * e_rho_m, carried_m=0.01
+    )
+
+
+def test_gains_that_were_sought_are_compared_by_the_mean_of_logarithms() -> None:
+    halves = [has(0.6, 0.5, 0.5, 0.25), has(0.6, 0.5, 0.5, 1.0)]
+    drawn = {INERTIAL: halves, PLAIN: [has(0.6, 0.5, 0.5, 0.86)]}
+    _, _, inertial, plain = drawn_claims([RefusedFound(NONE, NONE)], drawn)
+    assert (inertial.holds, inertial.measured) == (True, "0.50")
+    assert (plain.holds, plain.measured) == (False, "0.86")
+
+
 def test_each_lean_is_judged_alone_and_nobody_unstable() -> None:
     late = (*NONE[:-1], True)
-    stable = {INERTIAL: [DrawnFound(0.6, 0.5, 0.5)], PLAIN: [DrawnFound(0.6, 0.5, 0.1)]}
+    stable = {INERTIAL: [has(0.6, 0.5, 0.5)], PLAIN: [has(0.6, 0.5, 0.1)]}
     one_of_100 = [RefusedFound(NONE, late)] + [RefusedFound(late, NONE)] * 99
-    few, none = drawn_claims(one_of_100, stable)
+    few, none, *_ = drawn_claims(one_of_100, stable)
     assert few.holds
     assert few.measured == "at most 1 of 100, at 45°"
     assert none.holds
-    two, _ = drawn_claims([RefusedFound(NONE, late)] * 2 + one_of_100[2:], stable)
+    two, *_ = drawn_claims([RefusedFound(NONE, late)] * 2 + one_of_100[2:], stable)
     assert not two.holds
-    for unstable in (DrawnFound(0, 0.5, 0.5), DrawnFound(0.5, 0, 0.5), DrawnFound(0.5, 0.5, 0)):
-        _, some = drawn_claims(one_of_100, {**stable, PLAIN: [unstable]})
+    for unstable in (has(0, 0.5, 0.5), has(0.5, 0, 0.5), has(0.5, 0.5, 0)):
+        _, some, *_ = drawn_claims(one_of_100, {**stable, PLAIN: [unstable]})
         assert not some.holds
     assert refused_table(one_of_100).rows[0][-1] == "99"
     assert refused_table(one_of_100).rows[1][-1] == "1"

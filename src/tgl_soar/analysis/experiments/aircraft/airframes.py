@@ -41,7 +41,6 @@ from tgl_soar.analysis.logs.flight_data import steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
 from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.tuning.aircraft import TICK_S, ranges_of_one
-from tgl_soar.analysis.tuning.demands import INERTIAL, SETS
 from tgl_soar.analysis.tuning.flights import START_M, DrawnFlight, fly_late, line_of
 from tgl_soar.analysis.tuning.progress_file import ProgressFile
 from tgl_soar.analysis.tuning.result import airframe_with
@@ -57,6 +56,7 @@ from tgl_soar.config.files import (
 )
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import HillAir, Site, Start
+from tgl_soar.control.found_gains import INERTIAL, SETS
 from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder

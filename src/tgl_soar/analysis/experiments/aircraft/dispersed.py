@@ -31,7 +31,7 @@ from tgl_soar.analysis.linear_controller import linear_controller
 from tgl_soar.analysis.linear_model import close_loop, disk_margin
 from tgl_soar.analysis.linear_plant import Condition, linear_plant
 from tgl_soar.analysis.tuning.aircraft import Ranges
-from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS, INERTIAL, SETS
+from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS
 from tgl_soar.analysis.tuning.flights import (
     Attempt,
     DrawnFlight,
@@ -41,6 +41,7 @@ from tgl_soar.analysis.tuning.flights import (
     values_of,
 )
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.found_gains import INERTIAL, SETS
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.sim.servos import servo_params

@@ -2,7 +2,7 @@
 
 The aircraft of `config/scenarios/unseen` has a short period of 6.6 rad/s where gains were found on
 11.5, a servo of 30 ms in place of 18.5, and a stall of its own; the air is that of another jet and
-another board, with gusts that roll.  The module is given its airframe file and the shipped gains.
+another board, with gusts that roll.  The module is given its airframe file, and seeks gains for it.
 
 The plain PID is the paper's, with what the module lacks: gains that were sought for this very
 aircraft (the least e_rho on the linear model at leans of 15 and 23 degrees with a disk margin of
@@ -242,10 +242,10 @@ def unseen(context: Context) -> Result:
         title=context.scenario("unseen").title,
         flown="A short period of 6.6 rad/s in place of the 11.5 that the shipped gains were found"
         " on, a servo of 30 ms, a stall of its own, another jet and board; the module has its"
-        " airframe file and the shipped gains. Beside it a plain PID with gains that were sought"
-        " for this"
-        " very aircraft, which nothing but board, floor and walls ends. Places a, b and c: 8.5, 8.7"
-        " and 9.0 m/s; slow and fast: 8.0 and 9.5 m/s. The slowest steady glide is at 7.6 m/s."
+        " airframe file, and seeks gains when it is loaded. Beside it a plain PID with gains that"
+        " were sought for this very aircraft, which nothing but board, floor and walls ends. Places"
+        " a, b and c: 8.5, 8.7 and 9.0 m/s; slow and fast: 8.0 and 9.5 m/s. The slowest steady"
+        " glide is at 7.6 m/s."
         " e_rho and y are root mean squares of all flights, the lost ones as far as they flew.",
         claims=tuple(claim for row in ROWS for claim in row_claims(row, scores)),
         why="",

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import radians
+from math import exp, log, radians
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -34,15 +34,23 @@ from tgl_soar.analysis.experiments.loop.lateral_rule import (
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.lateral_model import lateral_loop
 from tgl_soar.analysis.linear_controller import linear_controller
-from tgl_soar.analysis.linear_model import BREAKS, Margin, close_loop, disk_margin, margin
-from tgl_soar.analysis.linear_plant import Condition, linear_plant
+from tgl_soar.analysis.linear_model import (
+    BREAKS,
+    Margin,
+    activity,
+    close_loop,
+    disk_margin,
+    margin,
+)
+from tgl_soar.analysis.linear_plant import Condition, Gusts, linear_plant
 from tgl_soar.analysis.tuning.aircraft import Drawn, Ranges, drawn_aircraft
-from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS, INERTIAL, PLAIN
+from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS
 from tgl_soar.analysis.tuning.flights import values_of
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_flight, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control import loop_margin
+from tgl_soar.control.found_gains import ANCHORS, INERTIAL, PLAIN, SHIPPED
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.loop_margin import FLOOR, SPEEDS
 from tgl_soar.geometry import SoaringFrame
@@ -63,6 +71,9 @@ GAIN_DB: Final = 6.0
 PHASE_DEG: Final = 45.0
 # A file that is right is refused a lean once in a hundred at most: who meets it may lean by less.
 REFUSED_FRACTION: Final = 0.01
+# Of what the schedule's gains have: no powers of its ratios that were sought had less.
+SOUGHT_FRACTION: Final = 0.85
+GUSTS: Final = 0.03
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 
 
@@ -99,7 +110,7 @@ class TableFound(NamedTuple):
 class RefusedFound(NamedTuple):
     """On which of `REFUSED_LEANS_DEG` a drawn aircraft is refused."""
 
-    before: tuple[bool, ...]  # with gains that do not yield
+    before: tuple[bool, ...]  # with the shipped aircraft's gains, carried there, that do not yield
     now: tuple[bool, ...]
     duration_s: float = 0.0
 
@@ -112,11 +123,14 @@ class DrawnJob(NamedTuple):
 
 
 class DrawnFound(NamedTuple):
-    """The least alpha of three places each."""
+    """The least alpha of three places each; and e_rho in gusts of 3 % at the best glide's speed and
+    15 degrees, with the gains sought for it and with those that the schedule carries there."""
 
     near: float
     far: float
     with_errors: float
+    e_rho_m: float
+    carried_m: float
     duration_s: float = 0.0
 
 
@@ -167,13 +181,20 @@ def refused(number: int) -> RefusedFound:
     """Of one drawn aircraft, by the rule on board."""
     airframe, base = _shipped()
     values = values_of(base, drawn_aircraft(airframe, Ranges(), (SEED, number)), INERTIAL)
+    carried = _carried(values, base)
     before, now = [], []
     for lean_deg in REFUSED_LEANS_DEG:
         laws = laws_from(values.changed({"TGL_LEAN": lean_deg}), _HERE)
-        firm = laws._replace(schedule=laws.schedule._replace(path_s=0.0))
-        before.append(_least(firm, values, lean_deg) < FLOOR)
+        firm = laws_from(carried.changed({"TGL_LEAN": lean_deg}), _HERE)
+        firm = firm._replace(schedule=firm.schedule._replace(path_s=0.0))
+        before.append(_least(firm, carried, lean_deg) < FLOOR)
         now.append(_least(laws, values, lean_deg) < FLOOR)
     return RefusedFound(tuple(before), tuple(now))
+
+
+def _carried(values: ParameterSet, base: ParameterSet) -> ParameterSet:
+    """The shipped aircraft's gains, for the schedule to carry them to another one."""
+    return values.changed({name: base[name] for name in (*SHIPPED, *ANCHORS)})
 
 
 def _least(laws: Laws, values: ParameterSet, lean_deg: float) -> float:
@@ -208,7 +229,20 @@ def drawn_margins(job: DrawnJob) -> DrawnFound:
             for fraction, lean in places
         )
 
-    return DrawnFound(least(known, near), least(known, far), least(drawn.true, near))
+    def e_rho_m(gains: ParameterSet) -> float:
+        slowest = 1.001 * highest_pitch_glide(known).horizontal_mps
+        speed, kind = max(slowest, values["DYN_BEST"]), job.kind == INERTIAL
+        at = _condition(known, drawn.known, _case(speed, 15.0, drawn.latency_s, kind))
+        laws = laws_from(gains.changed({"TGL_LEAN": 15.0}), _HERE, drawn.known.aerodynamics())
+        return activity(laws, at, Gusts(GUSTS, values["DYN_BEST"])).e_rho_m
+
+    return DrawnFound(
+        near=least(known, near),
+        far=least(known, far),
+        with_errors=least(drawn.true, near),
+        e_rho_m=e_rho_m(values),
+        carried_m=e_rho_m(_carried(values, base)),
+    )
 
 
 def _drawn_alpha(
@@ -363,7 +397,21 @@ def drawn_claims(
             unstable == 0,
             f"{unstable} of {sum(len(of) for of in drawn.values())}",
         ),
+        *(
+            Claim(
+                f"gains sought for each drawn aircraft, {_words(kind == INERTIAL)}: e_rho is at"
+                f" most {SOUGHT_FRACTION:g} of what the schedule makes of the shipped ones (mean"
+                " of logarithms)",
+                _fraction(of) <= SOUGHT_FRACTION,
+                f"{_fraction(of):.2f}",
+            )
+            for kind, of in drawn.items()
+        ),
     ]
+
+
+def _fraction(drawn: Sequence[DrawnFound]) -> float:
+    return exp(sum(log(each.e_rho_m / each.carried_m) for each in drawn) / len(drawn))
 
 
 def _pitch_table(cases: dict[TableJob, TableFound]) -> Table:
@@ -436,7 +484,7 @@ def refused_table(counted: Sequence[RefusedFound]) -> Table:
         f"Of {len(counted)} drawn aircraft, each with its own file, refused at a lean of",
         ("", *(f"{deg:g}°" for deg in REFUSED_LEANS_DEG)),
         (
-            ("with gains that do not yield", *map(str, before)),
+            ("with the shipped gains, scheduled, where they do not yield", *map(str, before)),
             ("with the gains that are flown", *map(str, now)),
         ),
     )
@@ -454,6 +502,7 @@ def _drawn_table(drawn: dict[str, list[DrawnFound]]) -> Table:
             "0.92 to 1.15 of the best glide's speed, 10 to 30°",
             "0.85 to 1.5, 5 to 45°",
             "as the first, with what no file knows",
+            "e_rho, of what it is with the schedule's gains",
         ),
         tuple(
             (
@@ -461,6 +510,7 @@ def _drawn_table(drawn: dict[str, list[DrawnFound]]) -> Table:
                 least([each.near for each in of]),
                 least([each.far for each in of]),
                 least([each.with_errors for each in of]),
+                f"{_fraction(of):.2f}",
             )
             for kind, of in drawn.items()
         ),
