@@ -123,7 +123,10 @@ def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_reported(
     """Power is lost among the doublets: a polar is still in it, and too few of those."""
     data = glide_log.read_bytes()
     cut = tmp_path / "cut.ulg"
-    cut.write_bytes(data[: int(0.72 * len(data))])
+    end = 16  # of the file's header; then messages of size, type and what the size says
+    while end < 0.72 * len(data):
+        end += 3 + int.from_bytes(data[end : end + 2], "little")
+    cut.write_bytes(data[: end + 5])  # in the midst of a message: between two nothing would be lost
     code, said = run("polar", "fit", cut, "--wind", WIND_MPS)
     assert code == 0, said
     assert "lost: cut off" in said
