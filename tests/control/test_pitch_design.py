@@ -33,9 +33,11 @@ from tgl_soar.control.found_gains import ANCHORS, INERTIAL, SETS, SHIPPED, nobod
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.loop_margin import FLOOR, RADPS, flown
 from tgl_soar.control.pitch_design import (
+    LATER_S,
     answers,
     disk_margin,
     gust_variances,
+    later,
     own_gains,
     pitch_margin,
 )
@@ -99,7 +101,9 @@ def test_its_margin_is_the_rule_s(inertial: bool, lift_mps2: float) -> None:
         loop = flown(laws, values, speed, lean, inertial)
         known = answers(values, speed, lean, np.array(RADPS))
         assert disk_margin(loop, known) == pytest.approx(loop_margin.disk_margin(loop), rel=1e-9)
-        wild = loop._replace(delay_s=0.3)
+        late = loop._replace(delay_s=loop.delay_s + LATER_S)
+        assert disk_margin(loop, later(known)) == pytest.approx(loop_margin.disk_margin(late))
+        wild = loop._replace(pitch=loop.pitch._replace(kp=60.0, kd=6.0))
         assert disk_margin(wild, known) == loop_margin.disk_margin(wild) == 0.0
         no_line = loop._replace(soaring=loop.soaring._replace(kp=0.0, ki=0.0, kd=0.0))
         assert pitch_margin(loop, known) == pytest.approx(loop_margin.disk_margin(no_line))

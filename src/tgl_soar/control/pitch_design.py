@@ -96,6 +96,11 @@ class Answers(NamedTuple):
     radps: Floats
     rate: Spectrum  # de_rho/dt
     pitch: Spectrum
+    surface: (
+        Spectrum  # of shape (frequencies,): servo and link, from what is wanted to a deflection
+    )
+    old: Spectrum  # fixes, by their age
+    late: Spectrum  # attitudes, where no gyroscope carries them on
 
 
 class DesignPlace(NamedTuple):
@@ -134,7 +139,7 @@ _FOLLOWS_FROM: Final = (
 )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=4096)  # of as many aircraft: a campaign draws them again at each place
 def _own_gains(known: tuple[tuple[str, float], ...]) -> tuple[tuple[str, float], ...]:
     try:
         start = anchored(ParameterSet().changed({**SHIPPED, **dict(known)}), USUAL_LEAN_DEG)
@@ -211,8 +216,7 @@ class _DesignTask:
             if place.lean_deg == USUAL_LEAN_DEG:
                 lacks = max(lacks, FLOOR - pitch_margin(loop, place.answers))
                 if place.speed_mps == self._best_mps:
-                    later = loop._replace(delay_s=loop.delay_s + LATER_S)
-                    lacks = max(lacks, LATER_FLOOR - disk_margin(later, place.answers))
+                    lacks = max(lacks, LATER_FLOOR - disk_margin(loop, later(place.answers)))
             short, spare = short + max(0.0, lacks), min(spare, -lacks)
         squares = np.zeros(2)
         for place in self._gusts:
@@ -256,39 +260,49 @@ def answers(values: ParameterSet, speed_mps: float, lean_deg: float, radps: Floa
     moved = np.linalg.solve(rows, np.broadcast_to(into, rows.shape))
     lean = radians(lean_deg) - falls
     rate = cos(lean) * moved[:, 0, :] - v * sin(lean) * moved[:, 1, :]
-    return Answers(radps, rate.T, moved[:, 2, :].T)
+    delay_s = known.late_s - known.lag_s + HOLD_S
+    return Answers(
+        radps=radps,
+        rate=rate.T,
+        pitch=moved[:, 2, :].T,
+        surface=np.exp(-s * delay_s) / (1.0 + s * known.lag_s),
+        old=np.exp(-s * FIX_AGE_S),
+        late=np.exp(-s * ATTITUDE_AGE_S),
+    )
+
+
+def later(known: Answers) -> Answers:
+    """With commands that take LATER_S more."""
+    return known._replace(surface=known.surface * np.exp(-1j * known.radps * LATER_S))
 
 
 class _LoopTransfers(NamedTuple):
-    surface: Spectrum  # from what is wanted of the elevator to what it does
     setpoint: Spectrum  # from de_rho/dt to the pitch setpoint
-    error: Spectrum  # from the setpoint to the elevator
+    error: Spectrum  # from the setpoint to what is wanted of the elevator
     attitude: Spectrum  # from pitch to it
 
 
-def _controller(loop: Flown, radps: Floats) -> _LoopTransfers:
-    s = 1j * radps
-    age, late = (0.0, 0.0) if loop.inertial else (FIX_AGE_S, ATTITUDE_AGE_S)
+def _transfers(loop: Flown, known: Answers) -> _LoopTransfers:
+    s = 1j * known.radps
     outer, inner = loop.soaring, loop.pitch
-    error = inner.kp + inner.ki / s
+    slowly, error = (outer.kp + outer.ki / s) / s, inner.kp + inner.ki / s
+    quickly = outer.kd / (1.0 + s / outer.rate_filter_radps)
+    damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
+    if loop.inertial:
+        return _LoopTransfers(setpoint=slowly + quickly, error=error, attitude=error + damps)
     return _LoopTransfers(
-        surface=np.exp(-s * (loop.delay_s + HOLD_S)) / (1.0 + s * loop.lag_s),
-        setpoint=np.exp(-s * age)
-        * (
-            (outer.kp + outer.ki / s) * (1.0 + s * age) / s
-            + outer.kd / (1.0 + s / outer.rate_filter_radps)
-        ),
+        setpoint=known.old * (slowly * (1.0 + s * FIX_AGE_S) + quickly),
         error=error,
-        attitude=np.exp(-s * late)
-        * (error * (1.0 + s * late) + inner.kd * s / (1.0 + s / inner.rate_filter_radps)),
+        attitude=known.late * (error * (1.0 + s * ATTITUDE_AGE_S) + damps),
     )
 
 
 def disk_margin(loop: Flown, known: Answers) -> float:
-    """alpha of the worse break, as `loop_margin.disk_margin` has it; 0: unstable."""
-    flies = _controller(loop, known.radps)
-    held = flies.surface * flies.attitude * known.pitch[0]
-    line = -flies.surface * flies.error * flies.setpoint * known.rate[0]
+    """alpha of the worse break, as `loop_margin.disk_margin` has it of a loop whose servo and link
+    are those of the airframe; 0: unstable."""
+    flies = _transfers(loop, known)
+    held = known.surface * flies.attitude * known.pitch[0]
+    line = -known.surface * flies.error * flies.setpoint * known.rate[0]
     if not _turns_forward(1.0 + held + line):
         return 0.0
     return min(_alpha(held + line), _alpha(line / (1.0 + held)))
@@ -296,8 +310,8 @@ def disk_margin(loop: Flown, known: Answers) -> float:
 
 def pitch_margin(loop: Flown, known: Answers) -> float:
     """alpha of the pitch loop alone, as where no line is held; 0: unstable."""
-    flies = _controller(loop, known.radps)
-    held = flies.surface * flies.attitude * known.pitch[0]
+    flies = _transfers(loop, known)
+    held = known.surface * flies.attitude * known.pitch[0]
     return _alpha(held) if _turns_forward(1.0 + held) else 0.0
 
 
@@ -312,14 +326,14 @@ def _alpha(opened: Spectrum) -> float:
 def gust_variances(loop: Flown, known: Answers, sigma_mps: float) -> Floats:
     """Of e_rho [m²] and of the elevator in turbulence of this intensity; of e_rho the geometric
     mean of two lengths, so that neither outweighs the other."""
-    flies, radps = _controller(loop, known.radps), known.radps
+    flies, radps = _transfers(loop, known), known.radps
     closed = (
         1.0
-        + flies.surface * flies.attitude * known.pitch[0]
-        - flies.surface * flies.error * flies.setpoint * known.rate[0]
+        + known.surface * flies.attitude * known.pitch[0]
+        - known.surface * flies.error * flies.setpoint * known.rate[0]
     )
     moves = (
-        flies.surface
+        known.surface
         * (flies.error * flies.setpoint * known.rate[1:] - flies.attitude * known.pitch[1:])
         / closed
     )
