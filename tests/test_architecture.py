@@ -241,7 +241,7 @@ CLASS_LINES = 300
 FUNCTION_LINES = 80
 # What is longer, how long it may be, and why.
 LONGER: dict[str, tuple[int, str]] = {
-    "config/parameters.py": (1064, "a table: one declaration a parameter, and it grows with them"),
+    "config/parameters.py": (1078, "a table: one declaration a parameter, and it grows with them"),
 }
 
 

@@ -21,19 +21,20 @@ from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS
 from tgl_soar.analysis.tuning.flights import values_of
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
+    gains_words,
     load_airframe,
+    load_flight,
     load_parameters,
     load_site,
     shipped,
     with_own_gains,
 )
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.parameters import ANCHORS, ParameterSet
 from tgl_soar.control import loop_margin, pitch_design
-from tgl_soar.control.found_gains import ANCHORS, INERTIAL, SETS, SHIPPED, nobody_gave
+from tgl_soar.control.found_gains import INERTIAL, SETS, SHIPPED, nobody_gave
 from tgl_soar.control.laws import laws_from
-from tgl_soar.control.loop_margin import FLOOR, RADPS, flown
+from tgl_soar.control.loop_margin import FLOOR, RADPS, RINGS, flown
 from tgl_soar.control.pitch_design import (
-    LATER_S,
     answers,
     disk_margin,
     gust_variances,
@@ -59,7 +60,7 @@ class Plane:
 
     def __init__(self, number: int) -> None:
         self.drawn: Drawn = drawn_aircraft(AIRFRAME, Ranges(), (SEED, number))
-        self.sought = values_of(VALUES, self.drawn, INERTIAL)
+        self.sought = values_of(VALUES, self.drawn, INERTIAL, seeks=True)
         kept = {name: VALUES[name] for name in (*SHIPPED, *ANCHORS)}
         self.carried = self.sought.changed(kept)
 
@@ -101,8 +102,8 @@ def test_its_margin_is_the_rule_s(inertial: bool, lift_mps2: float) -> None:
         loop = flown(laws, values, speed, lean, inertial)
         known = answers(values, speed, lean, np.array(RADPS))
         assert disk_margin(loop, known) == pytest.approx(loop_margin.disk_margin(loop), rel=1e-9)
-        late = loop._replace(delay_s=loop.delay_s + LATER_S)
-        assert disk_margin(loop, later(known)) == pytest.approx(loop_margin.disk_margin(late))
+        late = loop._replace(delay_s=loop.delay_s + 0.03)
+        assert disk_margin(loop, later(known, 0.03)) == pytest.approx(loop_margin.disk_margin(late))
         wild = loop._replace(pitch=loop.pitch._replace(kp=60.0, kd=6.0))
         assert disk_margin(wild, known) == loop_margin.disk_margin(wild) == 0.0
         no_line = loop._replace(soaring=loop.soaring._replace(kp=0.0, ki=0.0, kd=0.0))
@@ -141,8 +142,25 @@ def test_a_drawn_aircraft_has_its_margins_and_less_e_rho(number: int, kind: str)
     usual = drawn.condition(1.0, 15.0, kind)
     before = drawn.e_rho_m(drawn.carried, usual)
     assert drawn.e_rho_m(drawn.sought, usual) < (0.9 if kind == INERTIAL else 0.8) * before
-    later = drawn.condition(1.0, 15.0, kind, later_s=0.03)
-    assert drawn.alpha(drawn.sought, later) > 0.2
+    for speed in (0.92, 1.0, 1.15):
+        for later_s, least in ((0.01, FLOOR), (0.03, RINGS)):
+            late = drawn.condition(speed, 15.0, kind, later_s=later_s)
+            assert drawn.alpha(drawn.sought, late) > least - 0.03
+
+
+@pytest.mark.parametrize("number", range(4))
+@pytest.mark.parametrize("inertial", [True, False])
+def test_the_pitch_loop_alone_has_as_much(number: int, inertial: bool) -> None:
+    """It launches, holds, recovers and lands, and no line is there to be refused."""
+    values = plane(number).sought
+    laws = laws_from(values, SITE.frame())
+    for fraction in (0.92, 1.0, 1.15):
+        speed = fraction * values["DYN_BEST"]
+        known = answers(values, speed, 15.0, np.array(RADPS))
+        loop = flown(laws, values, speed, 15.0, inertial)
+        assert pitch_margin(loop, known) > 0.59
+        assert pitch_margin(loop, later(known, 0.01)) > FLOOR - 0.01
+        assert pitch_margin(loop, later(known, 0.03)) > RINGS - 0.01
 
 
 def test_a_flying_wing_s_elevator_is_its_lift_too() -> None:
@@ -260,11 +278,62 @@ def test_the_same_is_found_again() -> None:
     assert own_gains(values.changed({"CMD_DELAY": values["CMD_DELAY"] + 0.01})) != found
 
 
-def test_a_flight_with_gains_of_its_own_needs_no_numpy(tmp_path: Path) -> None:
-    """Nothing is loaded for a search that there is none of."""
+@pytest.mark.parametrize(
+    ("airframe", "site"), [(AIRFRAME_PATH, SITE_PATH), (GLIDER, JET)], ids=["given", "sought"]
+)
+def test_a_process_that_flies_keeps_no_numpy(airframe: Path, site: Path, tmp_path: Path) -> None:
+    """It locks its memory: what a search needs, another process has loaded for it."""
     code = (
         "import sys; from tgl_soar.config.files import load_flight;"
-        f"load_flight({str(AIRFRAME_PATH)!r}, {str(SITE_PATH)!r});"
+        f"values = load_flight({str(airframe)!r}, {str(site)!r})[2];"
+        "print(values['RHO_P_IMU'], values['ELE_P'], values['RHO_SPEED']);"
         "sys.exit('numpy' in sys.modules or 'scipy' in sys.modules)"
     )
-    assert subprocess.run([sys.executable, "-c", code], check=False, cwd=tmp_path).returncode == 0
+    ran = subprocess.run(
+        [sys.executable, "-c", code], check=False, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stderr
+    here = load_flight(airframe, site)[2]
+    assert ran.stdout.split() == [str(here[n]) for n in ("RHO_P_IMU", "ELE_P", "RHO_SPEED")]
+
+
+def test_where_no_other_process_can_be_had_it_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = unseen()
+    monkeypatch.setattr(sys, "modules", {n: m for n, m in sys.modules.items() if n != "numpy"})
+    monkeypatch.setattr(sys, "executable", "/nowhere")
+    found = unseen()
+    monkeypatch.undo()
+    assert [found[name] for name in (*SHIPPED, *ANCHORS)] == [
+        here[name] for name in (*SHIPPED, *ANCHORS)
+    ]
+
+
+def test_a_file_without_gains_flies_the_shipped_ones_where_none_are_sought() -> None:
+    """The declared ones are of no aircraft that flies here."""
+    rest = {n: v for n, v in AIRFRAME.parameters.items() if n not in SHIPPED}
+    bare = replace(AIRFRAME, parameters=rest)
+    assert load_parameters(bare, AIRFRAME_PATH, SITE, SITE_PATH) == VALUES
+    other = {n: v for n, v in load_airframe(GLIDER).parameters.items() if n not in SHIPPED}
+    by_attitude = unseen(other, route="attitude")
+    assert [by_attitude[n] for n in SHIPPED] == [VALUES[n] for n in SHIPPED]
+
+
+def words(parameters: dict[str, float] | None = None, route: str | None = None) -> str:
+    plane, site = load_airframe(GLIDER), load_site(JET)
+    if parameters is not None:
+        plane = replace(plane, parameters=parameters)
+    if route is not None:
+        plane = replace(plane, autopilot=replace(plane.autopilot, firmware="px4", route=route))
+    return gains_words(plane, site, load_parameters(plane, GLIDER, site, JET))
+
+
+def test_whose_gains_they_are_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = load_airframe(GLIDER).parameters
+    assert words() == "gains of pitch: sought for this aircraft"
+    assert words({n: v for n, v in given.items() if n not in SHIPPED}) == words()
+    changed = {**given, "RHO_P_IMU": 1.0}
+    assert words(changed) == "gains of pitch: as the files give them (RHO_P_IMU); none are sought"
+    assert words(route="attitude").endswith("to this aircraft: the autopilot holds the attitude")
+    assert gains_words(AIRFRAME, SITE, VALUES) == ""
+    monkeypatch.setattr(pitch_design, "own_gains", lambda _values: {})
+    assert words().endswith("none have the margins that are asked for")

@@ -14,7 +14,7 @@ from rich.table import Table
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, Commands, console, errors, fail
 from tgl_soar.cli.params_page import page
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import ConfigError, load_flight, preset_lines
+from tgl_soar.config.files import ConfigError, gains_words, load_flight, preset_lines
 from tgl_soar.config.line_changes import Presets, with_changes
 from tgl_soar.config.parameter_files import (
     Format,
@@ -32,9 +32,9 @@ from tgl_soar.config.parameter_store import (
     state_file,
     state_folder,
 )
-from tgl_soar.config.parameters import PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.config.parameters import ANCHORS, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Site
-from tgl_soar.control.found_gains import ANCHORS, SHIPPED
+from tgl_soar.control.found_gains import SHIPPED
 from tgl_soar.control.line_bounds import LineBounds
 from tgl_soar.onboard.setup import bounds_from
 
@@ -140,7 +140,7 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
         presets=presets,
         bounds=bounds_from(airframe, site),
         store=store,
-        notes=found.notes,
+        notes=(*found.notes, *filter(None, [gains_words(airframe, site, files)])),
     )
 
 

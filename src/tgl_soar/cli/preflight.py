@@ -12,7 +12,7 @@ from rich.table import Table
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, console, fail
 from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import ConfigError, load_flight, preset_lines
+from tgl_soar.config.files import ConfigError, gains_words, load_flight, preset_lines
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.control.line_bounds import open_sides
@@ -62,6 +62,8 @@ def preflight(
         fail("stopped", 130)
     too_slow = "" if baud is None else load.refusal(baud)
     line_is_good = _place_reported(plane, place, values)
+    if whose := gains_words(plane, place, values):
+        console.print(whose, highlight=False, markup=False, soft_wrap=True)
     has_margin = _margin_reported(plane, values)
     code = _reported(check, too_slow, show_all=show_all)
     raise typer.Exit(code if line_is_good and has_margin else 1)

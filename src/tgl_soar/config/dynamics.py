@@ -23,6 +23,7 @@ from tgl_soar.config.strict import Measured, Strict
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
 DENSITY_KGPM3: Final = 1.225  # of the air at the sea, where a file says nothing else
+LIFT_MAX_MPS2: Final = 200.0  # of a full elevator
 USUAL_LAG_S: Final = 0.0185  # of a digital servo of this size, by 54 rad/s
 # From a sensor to the servo's input [s] by firmware and route, where nobody has measured it: the
 # medians of docs/autopilots.md.  ArduPlane takes overrides up 50 times a second, attitudes at once.
@@ -128,7 +129,9 @@ def _short_period(
     damped = turning * model["Cm_q"] * chord / (2.0 * speed_mps)
     square = -stiff - damped * lift
     found = {"DYN_EFFECT": turning * model["Cm_elevator"], "DYN_PATH": 1.0 / lift}
-    found["DYN_LIFT"] = force * model.get("CL_elevator", 0.0) / bench["mass_kg"]
+    lift_mps2 = force * model.get("CL_elevator", 0.0) / bench["mass_kg"]
+    if abs(lift_mps2) <= LIFT_MAX_MPS2:  # no elevator lifts so much
+        found["DYN_LIFT"] = lift_mps2
     if square > 0.0 and lift > damped:
         found["DYN_FREQ"] = sqrt(square)
         found["DYN_DAMP"] = (lift - damped) / (2.0 * sqrt(square))

@@ -37,7 +37,15 @@ from zlib import crc32
 from tgl_soar.config.airframe import COMPONENT_ID
 from tgl_soar.config.line_changes import Presets, with_changes
 from tgl_soar.config.parameter_files import LARGEST_BYTES, read_text, written
-from tgl_soar.config.parameters import ParameterError, ParameterSet
+from tgl_soar.config.parameters import (
+    ANCHORS,
+    INDEX,
+    PARAMETERS,
+    PITCH_GAINS,
+    ParameterError,
+    ParameterSet,
+    as_wire_value,
+)
 
 INTERVAL_S: Final = 1.0  # between two writes
 RETRY_S: Final = 10.0  # after one that failed
@@ -95,8 +103,22 @@ def old_state_file(folder: Path, airframe: str | Path, site: str | Path) -> Path
 
 
 def to_keep(values: ParameterSet, base: ParameterSet) -> dict[str, float]:
-    """What differs from the files' values and may be kept."""
-    return {p.name: v for p, v in values if p.in_files and v != base[p.name]}
+    """What differs from the files' values and may be kept.
+
+    Of gains that are not the declared aircraft's the whole set, with the aircraft that they are
+    for: where they are sought anew (`control.pitch_design`), one alone would be for another.
+    """
+    kept = {p.name: v for p, v in values if p.in_files and v != base[p.name]}
+    if _are_of_their_own(base) and not kept.keys().isdisjoint(_GAINS):
+        kept.update({name: values[name] for name in _GAINS})
+    return kept
+
+
+_GAINS: Final = (*PITCH_GAINS, *ANCHORS)
+
+
+def _are_of_their_own(values: ParameterSet) -> bool:
+    return any(values[name] != as_wire_value(PARAMETERS[INDEX[name]].default) for name in ANCHORS)
 
 
 def state_text(identity: Identity, kept: Mapping[str, float]) -> bytes:
@@ -150,6 +172,12 @@ def restored(
 ) -> tuple[ParameterSet, list[str]]:
     """The files' values with the kept ones on top, as far as they fit; what does not, and why."""
     left, notes = dict(kept), []
+    alone = [name for name in kept if name in _GAINS]
+    if _are_of_their_own(base) and 0 < len(alone) < len(_GAINS):
+        notes.append(
+            f"{', '.join(alone)}: kept without the aircraft they were for, and its gains may have"
+            " been sought since: check the margins, or `tgl-soar params reset`"
+        )
     while True:
         try:
             values = with_changes(base, left, presets)

@@ -311,7 +311,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="DYN_LIFT", unit="m/s^2", minimum=-200, maximum=200, default=0.0,
-        meaning="Its lift, over the mass; of a tail that lifts the nose below 0. 0: not known.",
+        meaning="Lift of that deflection over the mass; of a tail below 0. 0: not known.",
     ),
     Parameter(
         name="DYN_SERVO", unit="s", minimum=0, maximum=0.3, default=0.0185,
@@ -897,6 +897,18 @@ INDEX: Final[Mapping[str, int]] = {p.name: i for i, p in enumerate(PARAMETERS)}
 def as_wire_value(value: float) -> float:
     """The nearest 32-bit float: what a value is after a journey over MAVLink."""
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
+
+# The aircraft, speed and lean that the gains of pitch were found on, and those gains.
+ANCHORS: Final = (
+    *("RHO_SPEED", "RHO_LEAN", "ELE_FREQ", "ELE_DAMP", "ELE_EFFECT"),
+    *("ELE_LATE", "ELE_LAG"),
+)
+PITCH_GAINS: Final = tuple(
+    p.name
+    for p in PARAMETERS
+    if p.name.startswith(("RHO_", "ELE_")) and p.name not in (*ANCHORS, "ELE_TRIM")
+)
 
 
 class ParameterSet:

@@ -11,7 +11,7 @@ from math import degrees, pi, radians
 from types import MappingProxyType
 from typing import Final
 
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet, as_wire_value
+from tgl_soar.config.parameters import ANCHORS, INDEX, PARAMETERS, ParameterSet, as_wire_value
 from tgl_soar.control.laws import dynamics_of, laws_from
 from tgl_soar.control.loop_margin import is_known
 from tgl_soar.control.pitch_schedule import (
@@ -35,10 +35,6 @@ INTEGRALS: Final = {
     PLAIN: {"RHO_I": "RHO_P", "ELE_I": "ELE_P"},
     INERTIAL: {"RHO_I_IMU": "RHO_P_IMU", "ELE_I_IMU": "ELE_P_IMU"},
 }
-ANCHORS: Final = (
-    *("RHO_SPEED", "RHO_LEAN", "ELE_FREQ", "ELE_DAMP", "ELE_EFFECT"),
-    *("ELE_LATE", "ELE_LAG"),
-)
 # What `tgl-soar tune` found for the shipped aircraft, and its file has.  The anchors' defaults are
 # that aircraft's.
 SHIPPED: Final[Mapping[str, float]] = MappingProxyType(
@@ -73,13 +69,20 @@ def are_for_another(values: ParameterSet) -> bool:
 def nobody_gave(values: ParameterSet) -> bool:
     """Whether these are nobody's gains for this aircraft: the shipped one's, as a copied file has
     them, or what is declared, where a file has none; with its anchors."""
-    declared = {name: PARAMETERS[INDEX[name]].default for name in (*SHIPPED, *ANCHORS)}
-    anchors = {name: declared[name] for name in ANCHORS}
-    return _has(values, declared) or _has(values, {**SHIPPED, **anchors})
+    shipped = {**SHIPPED, **{name: _DECLARED[name] for name in ANCHORS}}
+    return has_none(values) or _has(values, shipped)
+
+
+def has_none(values: ParameterSet) -> bool:
+    """Whether no file has any gains."""
+    return _has(values, _DECLARED)
 
 
 def _has(values: ParameterSet, given: Mapping[str, float]) -> bool:
     return all(values[name] == as_wire_value(value) for name, value in given.items())
+
+
+_DECLARED: Final = {name: PARAMETERS[INDEX[name]].default for name in (*SHIPPED, *ANCHORS)}
 
 
 def on_found_aircraft(values: ParameterSet) -> bool:

@@ -11,8 +11,8 @@ constraints: at three speeds and six leans, at a fast glide, and with commands l
 knows.  They are anchored to this aircraft: from there the schedule goes by speed, lean and lateness
 alone.
 
-A gust w up and u ahead enters the model of `loop_margin` as the air's part of airspeed and angle of
-attack, in the rows along the path, across it and in pitch:
+A gust w up, and one of u more headwind, enter the model of `loop_margin` as the air's part of
+airspeed and angle of attack, in the rows along the path, across it and in pitch:
 
     (g cos g_d - D') w / V - 2 g sin g_d u / V        L' w / V + 2 g cos g_d u / V        M' w / V
 
@@ -30,9 +30,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
+from tgl_soar.config.parameters import ANCHORS, INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.control.found_gains import (
-    ANCHORS,
     INERTIAL,
     INTEGRALS,
     SETS,
@@ -67,9 +66,9 @@ LEANS_DEG: Final = {
     45.0: SELDOM_FLOOR,
 }
 FAST: Final = 1.5  # of the best glide's speed
-# Commands that take 30 ms more than the file says must not make it swing.
-LATER_S: Final = 0.030
-LATER_FLOOR: Final = RINGS
+# What a measured link errs by must leave the margin that is asked for, and 30 ms must not make it
+# swing: of the loop on the usual line, and of pitch alone, which launches, holds, recovers, lands.
+LATER: Final = {0.010: FLOOR, 0.030: RINGS}  # [s] and floor
 ACTIVITY_M: Final = 0.03  # of e_rho that a full deflection is worth: `analysis.tuning` has as much
 INTENSITY: Final = 0.03
 LENGTHS_M: Final = (1.5, 6.0)
@@ -90,15 +89,14 @@ _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 class Answers(NamedTuple):
     """Of the airframe at a speed and lean, to a full deflection, to w and to u of 1 m/s.
 
-    Each of shape (3, frequencies).
+    `rate` and `pitch` are of shape (3, frequencies), all others of (frequencies,).
     """
 
     radps: Floats
     rate: Spectrum  # de_rho/dt
     pitch: Spectrum
-    surface: (
-        Spectrum  # of shape (frequencies,): servo and link, from what is wanted to a deflection
-    )
+    steps: Floats  # of an integral over frequency, by trapezia
+    surface: Spectrum  # servo and link, to a deflection that is wanted
     old: Spectrum  # fixes, by their age
     late: Spectrum  # attitudes, where no gyroscope carries them on
 
@@ -110,6 +108,7 @@ class DesignPlace(NamedTuple):
     lean_deg: float
     floor: float  # of the disk margin
     answers: Answers
+    later: tuple[tuple[Answers, float], ...]  # with commands that are later than known; its floor
 
 
 class DesignCost(NamedTuple):
@@ -214,9 +213,10 @@ class _DesignTask:
             loop = flown(laws, values, place.speed_mps, place.lean_deg, self._inertial)
             lacks = place.floor - disk_margin(loop, place.answers)
             if place.lean_deg == USUAL_LEAN_DEG:
-                lacks = max(lacks, FLOOR - pitch_margin(loop, place.answers))
-                if place.speed_mps == self._best_mps:
-                    lacks = max(lacks, LATER_FLOOR - disk_margin(loop, later(place.answers)))
+                lacks = max(lacks, place.floor - pitch_margin(loop, place.answers))
+                for late, floor in place.later:
+                    lacks = max(lacks, floor - disk_margin(loop, late))
+                    lacks = max(lacks, floor - pitch_margin(loop, late))
             short, spare = short + max(0.0, lacks), min(spare, -lacks)
         squares = np.zeros(2)
         for place in self._gusts:
@@ -229,7 +229,9 @@ class _DesignTask:
 def _place(
     values: ParameterSet, speed_mps: float, lean_deg: float, floor: float, radps: Floats
 ) -> DesignPlace:
-    return DesignPlace(speed_mps, lean_deg, floor, answers(values, speed_mps, lean_deg, radps))
+    known = answers(values, speed_mps, lean_deg, radps)
+    late = tuple((later(known, late_s), least) for late_s, least in LATER.items())
+    return DesignPlace(speed_mps, lean_deg, floor, known, late)
 
 
 def answers(values: ParameterSet, speed_mps: float, lean_deg: float, radps: Floats) -> Answers:
@@ -265,15 +267,16 @@ def answers(values: ParameterSet, speed_mps: float, lean_deg: float, radps: Floa
         radps=radps,
         rate=rate.T,
         pitch=moved[:, 2, :].T,
+        steps=0.5 * (np.diff(radps, prepend=radps[0]) + np.diff(radps, append=radps[-1])),
         surface=np.exp(-s * delay_s) / (1.0 + s * known.lag_s),
         old=np.exp(-s * FIX_AGE_S),
         late=np.exp(-s * ATTITUDE_AGE_S),
     )
 
 
-def later(known: Answers) -> Answers:
-    """With commands that take LATER_S more."""
-    return known._replace(surface=known.surface * np.exp(-1j * known.radps * LATER_S))
+def later(known: Answers, late_s: float) -> Answers:
+    """With commands that take so much more [s]."""
+    return known._replace(surface=known.surface * np.exp(-1j * known.radps * late_s))
 
 
 class _LoopTransfers(NamedTuple):
@@ -341,7 +344,7 @@ def gust_variances(loop: Flown, known: Answers, sigma_mps: float) -> Floats:
     elevator = np.abs(moves) ** 2
     variances = np.array(
         [
-            [np.trapezoid(np.sum(what * spectra, axis=0), radps) for what in (e_rho, elevator)]
+            [np.sum(what * spectra * known.steps) for what in (e_rho, elevator)]
             for spectra in (_dryden(radps, length / loop.speed_mps) for length in LENGTHS_M)
         ]
     )

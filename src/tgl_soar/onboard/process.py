@@ -23,6 +23,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
     airframe_refusal,
+    gains_words,
     load_airframe,
     load_parameters,
     load_site,
@@ -104,6 +105,8 @@ def run(options: RunOptions) -> int:
     if site.contour is not None and not setup.contour:
         say(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
     say(f"code: {native.words()}")
+    if whose := gains_words(airframe, site, parameters):
+        say(whose)
     plan = RunPlan(options, airframe, site, setup)
     if options.guarded:
         realtime.raise_priority()

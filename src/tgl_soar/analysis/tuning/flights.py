@@ -87,6 +87,7 @@ class FlyingPlace(NamedTuple):
     speed_ratio: float | None = None
     # The turbulence whose dispersion along the line must leave room to ground and fence.
     roughest: float = 0.0
+    seeks: bool = False  # gains for each aircraft, as the module does; else those of the values
 
 
 class Attempt(NamedTuple):
@@ -144,7 +145,7 @@ def fly_attempt(field: FlyingPlace, attempt: Attempt) -> DrawnFlight:
     )
     world.parts = world.parts._replace(model=drawn.true)
     late_s = drawn.latency_s + field.unknown_late_s
-    values = values_of(on_line, drawn, attempt.kind)
+    values = values_of(on_line, drawn, attempt.kind, seeks=field.seeks)
     return fly_late(world, seed, values, late_s, field.duration_s)
 
 
@@ -292,12 +293,14 @@ def _dispersion_m(
     return dryden_dispersion(slide, turbulence * reference, length_m / reference)
 
 
-def values_of(values: ParameterSet, drawn: Drawn, kind: str) -> ParameterSet:
+def values_of(
+    values: ParameterSet, drawn: Drawn, kind: str, *, seeks: bool = False
+) -> ParameterSet:
     """The parameters that an aircraft flies with: as its own file has them.
 
     All that follows from the aircraft, the gains of roll and heading with it, follows from the one
-    that was drawn; what the file gives in [parameters] is in `values`.  Gains of pitch are sought
-    for it unless they are a search's own, anchored to the aircraft about which this one was drawn.
+    that was drawn; what the file gives in [parameters] is in `values`.  `seeks`: gains of pitch are
+    sought for it, as for any other aircraft whose file has none of its own.
     """
     own = drawn.known.all_parameters()
     derived = {**lateral_gains(drawn.known), **own}
@@ -316,7 +319,7 @@ def values_of(values: ParameterSet, drawn: Drawn, kind: str) -> ParameterSet:
             "REC_PITCH": values["REC_PITCH"] + shift,
         }
     )
-    return flown.changed(own_gains(flown))
+    return flown.changed(own_gains(flown)) if seeks else flown
 
 
 def _slowest(drawn: Drawn) -> float:

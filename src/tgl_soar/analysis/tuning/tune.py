@@ -40,10 +40,9 @@ from tgl_soar.analysis.tuning.search import (
 )
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
-from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
+from tgl_soar.config.parameters import ANCHORS, INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import air_files
 from tgl_soar.control.found_gains import (
-    ANCHORS,
     INTEGRALS,
     SETS,
     SOUGHT,
@@ -264,7 +263,7 @@ def search_of(task: Task, start: ParameterSet, kind: str) -> Search:
 
 def _written(values: ParameterSet) -> dict[str, float]:
     """All that the search changed, and what it is anchored to."""
-    names = [*ANCHORS]
+    names = [*ANCHORS, "ELE_D_FILT"]
     for kind in SETS:
         names += [*SOUGHT[kind], *INTEGRALS[kind]]
     return {p.name: values[p.name] for p in PARAMETERS if p.name in names}

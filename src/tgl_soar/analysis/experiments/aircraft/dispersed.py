@@ -122,7 +122,7 @@ def scored(flights: Sequence[DrawnFlight]) -> DispersedScore:
 def margin_of(job: LinearJob) -> LinearMargin:
     """The disk margin of a drawn aircraft where it hovers, with what its file does not know."""
     drawn, place, on_line = soaring_aircraft(job.field, job.values, job.seed)
-    values = values_of(on_line, drawn, job.kind)
+    values = values_of(on_line, drawn, job.kind, seeks=True)
     sensors = drawn.sensors if job.kind == INERTIAL else drawn.sensors._replace(imu=None)
     condition = Condition(
         model=drawn.true,
@@ -151,6 +151,7 @@ def dispersed(context: Context) -> Result:
 
     def field(place: str, later_s: float) -> FlyingPlace:
         return FlyingPlace(
+            seeks=True,
             airframe=base.airframe,
             site_path=Path(scenario.site or ""),
             ranges=Ranges(),

@@ -48,9 +48,9 @@ from tgl_soar.analysis.tuning.demands import FREQUENCIES_RADPS
 from tgl_soar.analysis.tuning.flights import values_of
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_flight, shipped
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.parameters import ANCHORS, ParameterSet
 from tgl_soar.control import loop_margin
-from tgl_soar.control.found_gains import ANCHORS, INERTIAL, PLAIN, SHIPPED
+from tgl_soar.control.found_gains import INERTIAL, PLAIN, SHIPPED
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.loop_margin import FLOOR, SPEEDS
 from tgl_soar.geometry import SoaringFrame
@@ -180,7 +180,9 @@ def _condition(model: AircraftModel, airframe: Airframe, job: TableJob) -> Condi
 def refused(number: int) -> RefusedFound:
     """Of one drawn aircraft, by the rule on board."""
     airframe, base = _shipped()
-    values = values_of(base, drawn_aircraft(airframe, Ranges(), (SEED, number)), INERTIAL)
+    values = values_of(
+        base, drawn_aircraft(airframe, Ranges(), (SEED, number)), INERTIAL, seeks=True
+    )
     carried = _carried(values, base)
     before, now = [], []
     for lean_deg in REFUSED_LEANS_DEG:
@@ -214,7 +216,7 @@ def drawn_margins(job: DrawnJob) -> DrawnFound:
     # counted apart.
     seed = (SEED, 1, job.number)
     drawn = drawn_aircraft(airframe, Ranges(), seed)
-    values = values_of(base, drawn, job.kind)
+    values = values_of(base, drawn, job.kind, seeks=True)
     draw = np.random.default_rng((*seed, 1))
     known = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
     near = [(draw.uniform(0.92, 1.15), draw.uniform(10.0, 30.0)) for _ in range(3)]
