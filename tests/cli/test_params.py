@@ -58,6 +58,18 @@ def test_show_tells_where_each_value_is_from(command: Command, tmp_path: Path) -
     assert rows["TGL_CAPTURE"][-1] == "default"
 
 
+def test_gains_that_were_sought_are_named_as_such(tmp_path: Path) -> None:
+    """And no file has them."""
+    glider, jet = shipped("scenarios/unseen/glider.toml"), shipped("scenarios/unseen/jet.toml")
+    files = ["--airframe", str(glider), "--site", str(jet), "--state", str(tmp_path)]
+    ran = CliRunner().invoke(app, ["params", "show", *files], env={"COLUMNS": "200"})
+    assert ran.exit_code == 0, ran.output
+    rows = {line.split()[0]: line.split() for line in ran.output.splitlines() if line}
+    assert {rows[name][-1] for name in ("RHO_P", "ELE_D_IMU", "ELE_FREQ")} == {"sought"}
+    assert rows["PITCH_TRIM"][-1] == "airframe"
+    assert "gains of pitch: sought for this aircraft" in ran.output
+
+
 def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:
     assert "no differences" in command("diff")
     (tmp_path / "mine.parm").write_text("RHO_D 0.34\nTGL_X 0.2\n")

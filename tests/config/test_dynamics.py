@@ -22,6 +22,17 @@ def test_the_shipped_model_has_the_short_period_that_its_file_states() -> None:
     assert at["DYN_BEST"] == pytest.approx(9.2, abs=0.1)
 
 
+def test_the_elevator_s_lift_is_the_model_s_over_the_mass() -> None:
+    """CL_elevator -0.09 at 9.25 m/s; what no elevator has is left out, and the file is taken."""
+    own = AIRFRAME.all_parameters()
+    table = AIRFRAME.airframe
+    force_n = 0.5 * AIRFRAME.model["air_density_kgpm3"] * own["DYN_SPEED"] ** 2 * table.wing_area_m2
+    assert own["DYN_LIFT"] == pytest.approx(-0.09 * force_n / table.mass_kg)
+    for lift, known in ((-0.9, True), (-20.0, False)):
+        model = {**AIRFRAME.model, "CL_elevator": lift}
+        assert ("DYN_LIFT" in replace(AIRFRAME, model=model).all_parameters()) is known
+
+
 def test_what_was_measured_comes_before_what_the_model_says() -> None:
     measured = MeasuredDynamics(short_period_radps=6.6, servo_s=0.03, command_delay_s=0.02)
     found = replace(AIRFRAME, dynamics=measured).all_parameters()

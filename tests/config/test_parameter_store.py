@@ -32,7 +32,7 @@ from tgl_soar.config.parameter_store import (
     state_text,
     to_keep,
 )
-from tgl_soar.config.parameters import ParameterSet, as_wire_value
+from tgl_soar.config.parameters import ANCHORS, PITCH_GAINS, ParameterSet, as_wire_value
 
 WHO = Identity("Glider", "Hill")
 BASE = ParameterSet().changed({"RHO_P": 0.5})
@@ -62,6 +62,33 @@ def saved(path: Path, *changes: dict[str, float]) -> None:
 def test_only_what_differs_from_the_files_is_kept() -> None:
     changed = BASE.changed({"OP_ENGAGE": 1, "TGL_STAGE": 1, "RHO_P": 0.5, "TGL_X": 0.1})
     assert to_keep(changed, BASE) == {"TGL_X": as_wire_value(0.1)}
+
+
+def test_gains_of_another_aircraft_than_the_declared_are_kept_as_one_set() -> None:
+    """Where they are sought anew, one of them alone would be relative to others."""
+    own = BASE.changed({"RHO_SPEED": 9.2, "ELE_FREQ": 7.1, "RHO_P": 0.6})
+    kept = to_keep(own.changed({"RHO_D": 0.3}), own)
+    assert set(kept) == {*PITCH_GAINS, *ANCHORS}
+    assert {"ELE_D_FILT", "RHO_DF_IMU", "ELE_LAG"} <= set(kept)
+    assert "ELE_TRIM" not in kept
+    assert kept["RHO_D"] == as_wire_value(0.3)
+    sought_anew = own.changed({"RHO_P": 1.4, "ELE_FREQ": 7.3, "ELE_P": 3.0})
+    again, notes = restored(sought_anew, kept, ())
+    assert [again[name] for name in kept] == list(kept.values())
+    assert notes == []
+    assert to_keep(own.changed({"TGL_X": 0.1}), own) == {"TGL_X": as_wire_value(0.1)}
+    assert set(to_keep(BASE.changed({"RHO_D": 0.3}), BASE)) == {"RHO_D"}
+
+
+def test_a_gain_that_was_kept_without_its_aircraft_is_told_of() -> None:
+    own = BASE.changed({"RHO_SPEED": 9.2, "ELE_FREQ": 7.1})
+    values, notes = restored(own, {"ELE_P_IMU": 12.0, "TGL_X": 0.1}, ())
+    assert values["ELE_P_IMU"] == 12.0
+    (note,) = notes
+    assert note.startswith("ELE_P_IMU: kept without the aircraft they were for")
+    assert "`tgl-soar params reset`" in note
+    assert restored(own, {"TGL_X": 0.1}, ())[1] == []
+    assert restored(BASE, {"ELE_P_IMU": 12.0}, ())[1] == []
 
 
 def test_what_was_saved_is_what_the_next_start_has(path: Path) -> None:
