@@ -231,7 +231,9 @@ def _place(
 ) -> DesignPlace:
     known = answers(values, speed_mps, lean_deg, radps)
     late = tuple((later(known, late_s), least) for late_s, least in LATER.items())
-    return DesignPlace(speed_mps, lean_deg, floor, known, late)
+    return DesignPlace(
+        speed_mps=speed_mps, lean_deg=lean_deg, floor=floor, answers=known, later=late
+    )
 
 
 def answers(values: ParameterSet, speed_mps: float, lean_deg: float, radps: Floats) -> Answers:
