@@ -66,12 +66,12 @@ LEANS_DEG: Final = {
     45.0: SELDOM_FLOOR,
 }
 FAST: Final = 1.5  # of the best glide's speed
-# Pitch alone launches, holds, recovers and lands, for seconds: it keeps the margin that is asked for
-# with half of the reserve.
+# Pitch alone launches, holds, recovers and lands, for seconds: it keeps what is asked for, with half
+# of the reserve.
 PITCH_FLOOR: Final = SELDOM_FLOOR
 # Commands that are later than the file says, at 15 degrees: what a measured link errs by leaves the
-# line's loop the margin that is asked for, and pitch alone most of it.  30 ms leave both stable, with
-# an elevator that has a tenth more effect than the file says (which is 0.1 of margin).
+# line's loop what is asked for, and pitch alone most of it.  30 ms leave both stable, with an
+# elevator that has a tenth more effect than the file says (which is 0.1 of margin).
 LATER: Final = {0.010: (FLOOR, 0.4), 0.030: (0.15, 0.15)}  # [s]
 ACTIVITY_M: Final = 0.03  # of e_rho that a full deflection is worth: `analysis.tuning` has as much
 INTENSITY: Final = 0.03
