@@ -66,8 +66,8 @@ LEANS_DEG: Final = {
     45.0: SELDOM_FLOOR,
 }
 FAST: Final = 1.5  # of the best glide's speed
-# Pitch alone launches, holds, recovers and lands, for seconds: it keeps what is asked for, with half
-# of the reserve.
+# Pitch alone launches, holds, recovers and lands, for seconds: it keeps what is asked for, with
+# half of the reserve.
 PITCH_FLOOR: Final = SELDOM_FLOOR
 # Commands that are later than the file says, at 15 degrees: what a measured link errs by leaves the
 # line's loop what is asked for, and pitch alone most of it.  30 ms leave both stable, with an
