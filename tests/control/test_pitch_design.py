@@ -163,6 +163,75 @@ def test_the_pitch_loop_alone_has_its_own(number: int, inertial: bool) -> None:
         assert pitch_margin(loop, later(known, 0.03)) > 0.14
 
 
+def lacking(values: ParameterSet, inertial: bool) -> float:
+    """What all margins that are asked for lack together, by the rule itself."""
+    laws, best = laws_from(values, SITE.frame()), values["DYN_BEST"]
+    floors = {5.0: 0.55, 10.0: 0.6, 15.0: 0.6, 20.0: 0.6, 30.0: 0.6, 45.0: 0.55}
+    places = [(f, lean, floor) for f in (0.92, 1.0, 1.15) for lean, floor in floors.items()]
+    short = 0.0
+    for fraction, lean, floor in (*places, (1.5, 15.0, 0.55)):
+        loop = flown(laws, values, fraction * best, lean, inertial)
+        alone = loop._replace(soaring=loop.soaring._replace(kp=0.0, ki=0.0, kd=0.0))
+        asked = [(loop, 0.0, floor)]
+        if lean == 15.0:
+            asked += [(alone, 0.0, 0.55), (loop, 0.01, 0.5), (alone, 0.01, 0.4)]
+            asked += [(loop, 0.03, 0.15), (alone, 0.03, 0.15)]
+        found = (
+            least - loop_margin.disk_margin(each._replace(delay_s=each.delay_s + late_s))
+            for each, late_s, least in asked
+        )
+        short += max(0.0, *found)
+    return short
+
+
+@pytest.mark.parametrize("kind", SETS)
+@pytest.mark.parametrize(
+    "factors",
+    [
+        {},
+        {"ELE_P": 1.5, "RHO_P": 0.3, "RHO_D": 0.3},
+        {"ELE_D": 1.6, "RHO_P": 0.3, "RHO_D": 0.3},
+        {"RHO_P": 2.0},
+        {"RHO_D": 1.5},
+        {"RHO_P": 1.2, "RHO_D": 1.2, "ELE_P": 1.2, "ELE_D": 1.2},
+    ],
+    ids=str,
+)
+def test_every_margin_that_is_asked_for_counts(kind: str, factors: dict[str, float]) -> None:
+    """Of gains as they were sought, and of some that lack one thing or another."""
+    sought, suffix = plane(1).sought, "_IMU" if kind == INERTIAL else ""
+    changes = {f"{name}{suffix}": f * sought[f"{name}{suffix}"] for name, f in factors.items()}
+    values = sought.changed(changes)
+    judged = pitch_design._DesignTask(values, kind).judged(values)
+    expected = lacking(values, kind == INERTIAL)
+    assert judged.short == pytest.approx(expected, abs=1e-6)
+    assert (expected > 0.02) is bool(factors)
+    if not factors:
+        assert -0.01 < judged.spare < 0.02  # the search has used it
+
+
+def test_gains_without_what_is_asked_for_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = plane(0).carried
+    assert own_gains(known) != {}
+    pitch_design._own_gains.cache_clear()
+    monkeypatch.setattr(pitch_design, "LEANS_DEG", {15.0: 1.8})  # of hardly any gain alone
+    try:
+        assert own_gains(known) == {}
+    finally:
+        pitch_design._own_gains.cache_clear()
+
+
+@pytest.mark.parametrize("time_s", [0.1, 1.0])
+def test_gusts_have_the_strength_that_is_said(time_s: float) -> None:
+    """Both spectra sum up to a variance of 1, and w has less of what is slow."""
+    radps = np.geomspace(1e-5, 1e5, 20001)
+    w, u = pitch_design._dryden(radps, time_s)
+    steps = np.gradient(radps)
+    assert float(np.sum(w * steps)) == pytest.approx(1.0, rel=0.01)
+    assert float(np.sum(u * steps)) == pytest.approx(1.0, rel=0.01)
+    assert w[0] == pytest.approx(0.5 * u[0])
+
+
 def test_a_flying_wing_s_elevator_is_its_lift_too() -> None:
     """Five times the shipped aircraft's: without it the rule would have 0.7 where there is 0.5."""
     model = {**AIRFRAME.model, "CL_elevator": -0.45, "Cm_alpha": 1.4 * AIRFRAME.model["Cm_alpha"]}
