@@ -293,32 +293,62 @@ def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
     return held + line, line / (1.0 + held)
 
 
-def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
-    """de_rho/dt and pitch, each to a full deflection of the elevator."""
-    known, v = loop.airframe, loop.speed_mps
+class GlideCoefficients(NamedTuple):
+    """Of the equations about a glide."""
+
+    falls_rad: float  # g_d
+    down_mps2: float  # g sin g_d
+    along_mps2: float  # g cos g_d
+    lift_mps2: float  # L'
+    drag_mps2: float  # D'
+    damped_per_s: float  # M_q
+    stiff_per_s2: float  # M'
+    effect_radps2: float  # M
+    lifted_mps2: float  # L_δ
+    slowed_mps2: float  # D_δ
+
+
+def glide_coefficients(known: Dynamics, lift_mps2: float, v: float) -> GlideCoefficients:
+    """At an airspeed [m/s]; `lift_mps2`: the elevator's, at the airframe's own speed."""
     ratio = v / known.speed_mps
     square = (v / known.best_glide_mps) ** 2
     falls = atan(0.5 / known.glide_ratio * (square + 1.0 / square))
-    lift = v * ratio / known.path_s  # L'
-    drag = lift / (known.glide_ratio * square)  # D'
+    drag_of_lift = 1.0 / (known.glide_ratio * square)  # dD/dL
+    lift = v * ratio / known.path_s
     period = known.short_period_radps * ratio
     damped = lift / v - 2.0 * known.damping * period
-    stiff = -period * period - damped * lift / v
-    effect = known.effect_radps2 * ratio * ratio
-    down, along = GRAVITY_MPS2 * sin(falls), GRAVITY_MPS2 * cos(falls)
+    lifted = lift_mps2 * ratio * ratio
+    return GlideCoefficients(
+        falls_rad=falls,
+        down_mps2=GRAVITY_MPS2 * sin(falls),
+        along_mps2=GRAVITY_MPS2 * cos(falls),
+        lift_mps2=lift,
+        drag_mps2=lift * drag_of_lift,
+        damped_per_s=damped,
+        stiff_per_s2=-period * period - damped * lift / v,
+        effect_radps2=known.effect_radps2 * ratio * ratio,
+        lifted_mps2=lifted,
+        slowed_mps2=lifted * drag_of_lift,
+    )
+
+
+def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
+    """de_rho/dt and pitch, each to a full deflection of the elevator."""
+    v = loop.speed_mps
+    falls, down, along, lift, drag, damped, stiff, effect, lifted, slows = glide_coefficients(
+        loop.airframe, loop.lift_mps2, v
+    )
     # Rows: along the path, across it, in pitch; columns: v, g, t.
     a11, a12, a13 = s + 2.0 * down / v, along - drag, drag
     a21, a22, a23 = -2.0 * along / v, v * s + lift + down, -lift
     a32, a33 = stiff, s * s - damped * s - stiff
     minor = a22 * a33 - a23 * a32
     determinant = a11 * minor - a12 * a21 * a33 + a13 * a21 * a32
-    lifted = loop.lift_mps2 * ratio * ratio  # L_δ
-    slowed = -lifted / (known.glide_ratio * square)  # -D_δ
     speed = (effect * (a12 * a23 - a13 * a22) + lifted * (a13 * a32 - a12 * a33)) / determinant
     path = (effect * (a13 * a21 - a11 * a23) + lifted * a11 * a33) / determinant
     pitch = (effect * (a11 * a22 - a12 * a21) - lifted * a11 * a32) / determinant
-    speed += slowed * minor / determinant
-    path += slowed * (-a21 * a33) / determinant
-    pitch += slowed * a21 * a32 / determinant
+    speed -= slows * minor / determinant
+    path += slows * a21 * a33 / determinant
+    pitch -= slows * a21 * a32 / determinant
     lean = loop.lean_rad - falls
     return cos(lean) * speed - v * sin(lean) * path, pitch

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from math import atan, cos, pi, radians, sin
+from math import cos, pi, radians, sin
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
@@ -44,10 +44,9 @@ from tgl_soar.control.found_gains import (
 )
 from tgl_soar.control.lateral_margin import ATTITUDE_AGE_S
 from tgl_soar.control.laws import dynamics_of, laws_from
-from tgl_soar.control.loop_margin import FLOOR, RADPS, SPEEDS, Flown, flown
+from tgl_soar.control.loop_margin import FLOOR, RADPS, SPEEDS, Flown, flown, glide_coefficients
 from tgl_soar.control.pitch_schedule import FIX_AGE_S, HOLD_S
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.types import GRAVITY_MPS2
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 Floats = NDArray[np.float64]
@@ -247,26 +246,18 @@ def _place(
 def answers(values: ParameterSet, speed_mps: float, lean_deg: float, radps: Floats) -> Answers:
     """The airframe's, by the rows of `loop_margin`."""
     known, v, s = dynamics_of(values), speed_mps, 1j * radps
-    ratio = v / known.speed_mps
-    square = (v / known.best_glide_mps) ** 2
-    falls = atan(0.5 / known.glide_ratio * (square + 1.0 / square))
-    lift = v * ratio / known.path_s  # L'
-    drag = lift / (known.glide_ratio * square)  # D'
-    period = known.short_period_radps * ratio
-    damped = lift / v - 2.0 * known.damping * period
-    stiff = -period * period - damped * lift / v
-    down, along = GRAVITY_MPS2 * sin(falls), GRAVITY_MPS2 * cos(falls)
+    falls, down, along, lift, drag, damped, stiff, effect, lifted, slows = glide_coefficients(
+        known, values["DYN_LIFT"], v
+    )
     rows = np.zeros((len(radps), 3, 3), dtype=np.complex128)
     rows[:, 0, 0], rows[:, 0, 1], rows[:, 0, 2] = s + 2.0 * down / v, along - drag, drag
     rows[:, 1, 0], rows[:, 1, 1], rows[:, 1, 2] = -2.0 * along / v, v * s + lift + down, -lift
     rows[:, 2, 1], rows[:, 2, 2] = stiff, s * s - damped * s - stiff
-    square_ratio = ratio * ratio
-    lifted = values["DYN_LIFT"] * square_ratio  # L_δ
     into = np.array(
         [
-            [-lifted / (known.glide_ratio * square), (along - drag) / v, -2.0 * down / v],
+            [-slows, (along - drag) / v, -2.0 * down / v],
             [lifted, lift / v, 2.0 * along / v],
-            [known.effect_radps2 * square_ratio, stiff / v, 0.0],
+            [effect, stiff / v, 0.0],
         ]
     )
     moved = np.linalg.solve(rows, np.broadcast_to(into, rows.shape))
