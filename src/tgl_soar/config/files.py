@@ -27,13 +27,13 @@ from msgspec import Struct, inspect
 from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe, AutopilotLink
 from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
+from tgl_soar.config.parameter_store import has_own_anchors
 from tgl_soar.config.parameters import (
     ANCHORS,
     INDEX,
     PARAMETERS,
     ParameterError,
     ParameterSet,
-    as_wire_value,
 )
 from tgl_soar.config.site import Line, Site
 from tgl_soar.types import Aerodynamics
@@ -179,9 +179,7 @@ def gains_words(airframe: Airframe, site: Site, values: ParameterSet) -> str:
             "gains of pitch: the shipped ones, as the schedule carries them to this aircraft:"
             f" {reason or 'none have the margins that are asked for'}"
         )
-    declared = {name: PARAMETERS[INDEX[name]].default for name in ANCHORS}
-    sought = any(values[name] != as_wire_value(value) for name, value in declared.items())
-    return "gains of pitch: sought for this aircraft" if sought else ""
+    return "gains of pitch: sought for this aircraft" if has_own_anchors(values) else ""
 
 
 def load_flight(

@@ -109,7 +109,7 @@ def to_keep(values: ParameterSet, base: ParameterSet) -> dict[str, float]:
     for: where they are sought anew (`control.pitch_design`), one alone would be for another.
     """
     kept = {p.name: v for p, v in values if p.in_files and v != base[p.name]}
-    if _are_of_their_own(base) and not kept.keys().isdisjoint(_GAINS):
+    if has_own_anchors(base) and not kept.keys().isdisjoint(_GAINS):
         kept.update({name: values[name] for name in _GAINS})
     return kept
 
@@ -117,7 +117,8 @@ def to_keep(values: ParameterSet, base: ParameterSet) -> dict[str, float]:
 _GAINS: Final = (*PITCH_GAINS, *ANCHORS)
 
 
-def _are_of_their_own(values: ParameterSet) -> bool:
+def has_own_anchors(values: ParameterSet) -> bool:
+    """Whether gains of pitch are of another aircraft, speed or lean than the declared one."""
     return any(values[name] != as_wire_value(PARAMETERS[INDEX[name]].default) for name in ANCHORS)
 
 
@@ -173,7 +174,7 @@ def restored(
     """The files' values with the kept ones on top, as far as they fit; what does not, and why."""
     left, notes = dict(kept), []
     alone = [name for name in kept if name in _GAINS]
-    if _are_of_their_own(base) and 0 < len(alone) < len(_GAINS):
+    if has_own_anchors(base) and 0 < len(alone) < len(_GAINS):
         notes.append(
             f"{', '.join(alone)}: kept without the aircraft they were for, and its gains may have"
             " been sought since: check the margins, or `tgl-soar params reset`"

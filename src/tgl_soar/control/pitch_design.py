@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 from tgl_soar.config.parameters import ANCHORS, INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.control.found_gains import (
     INERTIAL,
-    INTEGRALS,
     SETS,
     SHIPPED,
     SOUGHT,
@@ -155,10 +154,7 @@ def _own_gains(known: tuple[tuple[str, float], ...]) -> tuple[tuple[str, float],
         if best is None:
             return ()
         found = with_gains(found, kind, best)
-    names = [*ANCHORS, "ELE_D_FILT"]
-    for kind in SETS:
-        names += [*SOUGHT[kind], *INTEGRALS[kind]]
-    return tuple((name, found[name]) for name in names)
+    return tuple((name, found[name]) for name in (*ANCHORS, *SHIPPED))
 
 
 def _searched(task: _DesignTask, start: ParameterSet, kind: str) -> list[float] | None:

@@ -43,8 +43,8 @@ from tgl_soar.config.files import load_site
 from tgl_soar.config.parameters import ANCHORS, INDEX, PARAMETERS, ParameterSet
 from tgl_soar.config.site import air_files
 from tgl_soar.control.found_gains import (
-    INTEGRALS,
     SETS,
+    SHIPPED,
     SOUGHT,
     anchored,
     gains_of,
@@ -263,9 +263,7 @@ def search_of(task: Task, start: ParameterSet, kind: str) -> Search:
 
 def _written(values: ParameterSet) -> dict[str, float]:
     """All that the search changed, and what it is anchored to."""
-    names = [*ANCHORS, "ELE_D_FILT"]
-    for kind in SETS:
-        names += [*SOUGHT[kind], *INTEGRALS[kind]]
+    names = (*ANCHORS, *SHIPPED)
     return {p.name: values[p.name] for p in PARAMETERS if p.name in names}
 
 
