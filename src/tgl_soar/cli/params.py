@@ -15,6 +15,7 @@ from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, Commands, console, er
 from tgl_soar.cli.params_page import page
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, gains_words, load_flight, preset_lines
+from tgl_soar.config.lateral_gains import lateral_gains
 from tgl_soar.config.line_changes import Presets, with_changes
 from tgl_soar.config.parameter_files import (
     Format,
@@ -109,12 +110,10 @@ class Beginning(NamedTuple):
             return "stored"
         if name in self.site.parameters:
             return "site"
-        if self.files[name] != self._of_airframe(name):
+        of_airframe = {**lateral_gains(self.airframe), **self.airframe.all_parameters()}
+        if self.files[name] != self.defaults.changed(of_airframe)[name]:
             return "sought" if name in (*SHIPPED, *ANCHORS) else "site"
-        return "airframe" if name in self.airframe.all_parameters() else "default"
-
-    def _of_airframe(self, name: str) -> float:
-        return self.defaults.changed(self.airframe.all_parameters())[name]
+        return "airframe" if name in of_airframe else "default"
 
 
 def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Beginning:

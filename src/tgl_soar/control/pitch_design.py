@@ -121,7 +121,6 @@ class DesignCost(NamedTuple):
     e_rho_m: float
     elevator: float
     short: float  # what margins lack of their floors, together
-    spare: float  # the least that one has beyond it
 
 
 def own_gains(values: ParameterSet) -> dict[str, float]:
@@ -211,7 +210,7 @@ class _DesignTask:
 
     def judged(self, values: ParameterSet) -> DesignCost:
         """What these gains give; the airframe is that of the task."""
-        laws, short, spare = laws_from(values, _HERE), 0.0, np.inf
+        laws, short = laws_from(values, _HERE), 0.0
         for place in self._margins:
             loop = flown(laws, values, place.speed_mps, place.lean_deg, self._inertial)
             lacks = place.floor - disk_margin(loop, place.answers)
@@ -220,13 +219,13 @@ class _DesignTask:
                 for late, floor, of_pitch in place.later:
                     lacks = max(lacks, floor - disk_margin(loop, late))
                     lacks = max(lacks, of_pitch - pitch_margin(loop, late))
-            short, spare = short + max(0.0, lacks), min(spare, -lacks)
+            short += max(0.0, lacks)
         squares = np.zeros(2)
         for place in self._gusts:
             loop = flown(laws, values, place.speed_mps, place.lean_deg, self._inertial)
             squares += gust_variances(loop, place.answers, INTENSITY * self._best_mps)
         e_rho, elevator = np.sqrt(squares / len(self._gusts))
-        return DesignCost(float(e_rho), float(elevator), short, float(spare))
+        return DesignCost(float(e_rho), float(elevator), short)
 
 
 def _place(
