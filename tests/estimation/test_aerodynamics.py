@@ -1,0 +1,133 @@
+"""Lift, drag and trim of an airframe, by the equations of `types.Aerodynamics` and by equilibria.
+
+Derivatives are differences, and a steady glide is one in which the forces add up to nothing.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, hypot, isfinite, isnan, log, nan, sin
+
+import pytest
+from scipy.optimize import brentq
+
+from tgl_soar.estimation.aerodynamics import (
+    brake_sink,
+    braked,
+    glide_pitch,
+    lift_drag,
+    trim_alpha,
+)
+from tgl_soar.types import Aerodynamics, GlidePolar, polar_sink
+
+# A glider in all of whose numbers nothing cancels.
+PLANE = Aerodynamics(
+    mass_kg=0.75, wing_area_m2=0.18, gravity_mps2=9.81, air_density_kgpm3=1.2,
+    CL0=0.3, CL_alpha=4.6, CL_elevator=0.25, stall_alpha_rad=0.22, stall_width_rad=0.02,
+    CD0=0.04, CD_lift=0.07, CD_separated=0.9,
+    chord_m=0.16, Cm0=0.05, Cm_alpha=-0.7, Cm_q=-9.0, Cm_elevator=0.6,
+    CL_brake=-0.3, CD_brake=0.06, Cm_brake=0.04, brake_throw=0.0,
+    propeller_thrust_n=0.0, propeller_speed_mps=0.0, propeller_lag_s=0.0,
+    polar=GlidePolar(c0=2.1, c1=-0.41, c2=0.028, c3=0.0011, speed_min_mps=6.0, speed_max_mps=14.0),
+)  # fmt: skip
+SMALL = 1e-6
+LEVELS = (-0.1, 0.05, 0.15, 0.21, 0.23, 0.3)  # through the stall
+
+
+def coefficients(alpha_rad: float, elevator: float) -> tuple[float, float]:
+    """(C_L, C_D), from the tuple's own equations."""
+    a, w = PLANE, PLANE.stall_width_rad
+    beyond = w * log(1.0 + 2.718281828459045 ** ((alpha_rad - a.stall_alpha_rad) / w))
+    lift = a.CL0 + a.CL_alpha * (alpha_rad - beyond) + a.CL_elevator * elevator
+    return lift, a.CD0 + a.CD_lift * lift**2 + a.CD_separated * sin(beyond)
+
+
+@pytest.mark.parametrize("elevator", [0.0, 0.4])
+@pytest.mark.parametrize("alpha_rad", LEVELS)
+def test_lift_and_drag_are_those_of_the_equations(alpha_rad: float, elevator: float) -> None:
+    lift, _, drag, _ = lift_drag(PLANE, alpha_rad, elevator)
+    assert (lift, drag) == pytest.approx(coefficients(alpha_rad, elevator))
+
+
+@pytest.mark.parametrize("alpha_rad", LEVELS)
+def test_their_slopes_are_what_they_change_by(alpha_rad: float) -> None:
+    _, lift_slope, _, drag_slope = lift_drag(PLANE, alpha_rad, 0.4)
+    low, high = (coefficients(alpha_rad + sign * SMALL, 0.4) for sign in (-1.0, 1.0))
+    by_differences = [(b - a) / (2.0 * SMALL) for a, b in zip(low, high, strict=True)]
+    assert (lift_slope, drag_slope) == pytest.approx(by_differences, rel=1e-5, abs=1e-6)
+
+
+def test_far_below_the_stall_lift_is_straight_and_far_beyond_it_flat() -> None:
+    attached, stalled = lift_drag(PLANE, -0.3, 0.0), lift_drag(PLANE, 0.6, 0.0)
+    assert attached[0] == pytest.approx(PLANE.CL0 - 0.3 * PLANE.CL_alpha)
+    assert attached[1] == pytest.approx(PLANE.CL_alpha)
+    assert stalled[0] == pytest.approx(PLANE.CL0 + PLANE.CL_alpha * PLANE.stall_alpha_rad)
+    assert stalled[1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_incidence_of_any_size_overflows_nothing() -> None:
+    """It is bounded where hardly any lift is left to lose: thirty widths beyond the stall."""
+    at_bound = lift_drag(PLANE, PLANE.stall_alpha_rad + 30.0 * PLANE.stall_width_rad, 0.0)
+    assert at_bound[1] == pytest.approx(0.0, abs=1e-9)
+    farther = lift_drag(PLANE, 1e4, 0.0)
+    assert all(isfinite(number) for number in farther)
+    assert farther[2] - PLANE.CD_lift * farther[0] ** 2 == pytest.approx(
+        PLANE.CD0 + PLANE.CD_separated * sin(30.0 * PLANE.stall_width_rad)
+    )
+
+
+@pytest.mark.parametrize("elevator", [-0.3, 0.2])
+@pytest.mark.parametrize("rate_radps", [0.0, 0.8, -0.5])
+def test_at_the_trimmed_incidence_nothing_pitches_it(elevator: float, rate_radps: float) -> None:
+    speed_mps = 9.0
+    alpha = trim_alpha(PLANE, elevator, rate_radps, speed_mps)
+    moment = PLANE.Cm0 + PLANE.Cm_alpha * alpha + PLANE.Cm_elevator * elevator
+    moment += PLANE.Cm_q * PLANE.chord_m * rate_radps / (2.0 * speed_mps)
+    assert moment == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_brake_shifts_lift_drag_moment_and_polar_by_its_deflection() -> None:
+    half = braked(PLANE, 0.5)
+    added = (half.CL0 - PLANE.CL0, half.CD0 - PLANE.CD0, half.Cm0 - PLANE.Cm0)
+    assert added == pytest.approx((-0.15, 0.03, 0.02))
+    others = {"CL0", "CD0", "Cm0", "polar"}
+    assert all(
+        getattr(half, name) == getattr(PLANE, name) for name in PLANE._fields if name not in others
+    )
+    assert half.polar._replace(c3=PLANE.polar.c3) == PLANE.polar
+    assert braked(PLANE, 0.0) is PLANE
+
+
+@pytest.mark.parametrize("speed_mps", [7.0, 12.0])
+@pytest.mark.parametrize("brake", [0.25, 1.0])
+def test_a_brake_sinks_it_by_the_power_that_its_drag_takes(speed_mps: float, brake: float) -> None:
+    """Drag times speed, by the weight."""
+    drag_n = 0.5 * 1.2 * speed_mps**2 * 0.18 * PLANE.CD_brake * brake
+    more = polar_sink(braked(PLANE, brake).polar, speed_mps) - polar_sink(PLANE.polar, speed_mps)
+    weight_n = PLANE.mass_kg * PLANE.gravity_mps2
+    assert more == pytest.approx(drag_n * speed_mps / weight_n)
+    assert brake_sink(PLANE) * brake * speed_mps**3 == pytest.approx(more)
+
+
+@pytest.mark.parametrize("speed_mps", [6.5, 9.0, 13.0])
+def test_a_glide_s_pitch_is_that_at_which_lift_carries_the_weight(speed_mps: float) -> None:
+    """Lift across the path is the weight's part there, with the elevator that trims: found by
+    trying, on a lift curve without its stall."""
+    sink = polar_sink(PLANE.polar, speed_mps)
+    slope = atan2(sink, speed_mps)
+    airspeed = hypot(speed_mps, sink)
+    unstalled = PLANE._replace(stall_alpha_rad=9.0)
+
+    def surplus_n(alpha: float) -> float:
+        elevator = -(PLANE.Cm0 + PLANE.Cm_alpha * alpha) / PLANE.Cm_elevator
+        lift = lift_drag(unstalled, alpha, elevator)[0] * 0.5 * 1.2 * airspeed**2 * 0.18
+        return lift - PLANE.mass_kg * PLANE.gravity_mps2 * cos(slope)
+
+    alpha = brentq(surplus_n, -0.5, 0.8, xtol=1e-13)
+    assert glide_pitch(PLANE, speed_mps) == pytest.approx(alpha - slope)
+
+
+def test_outside_its_polar_no_glide_is_known() -> None:
+    for speed_mps in (5.9, 14.1, nan):
+        assert isnan(glide_pitch(PLANE, speed_mps))
+    for speed_mps in (6.1, 13.9):
+        assert not isnan(glide_pitch(PLANE, speed_mps))
