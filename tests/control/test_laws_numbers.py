@@ -456,7 +456,7 @@ def test_surfaces_that_are_later_than_found_slow_roll_and_heading() -> None:
 
 PLANE = NO_AERODYNAMICS._replace(
     mass_kg=0.8, gravity_mps2=9.8, air_density_kgpm3=1.2, wing_area_m2=0.2, CL_alpha=4.0,
-    Cm_alpha=-0.6, Cm_elevator=0.5, CL_brake=-0.2, CD_brake=0.05, Cm_brake=0.03, brake_throw=0.4,
+    Cm_alpha=-0.6, Cm_elevator=0.5, CL_brake=-0.2, CD_brake=0.05, Cm_brake=0.05, brake_throw=0.4,
     propeller_thrust_n=4.0, propeller_speed_mps=18.0, propeller_lag_s=0.1,
 )  # fmt: skip
 
@@ -502,6 +502,8 @@ def test_there_is_no_brake_without_drag_or_without_our_loops(
 
 def test_a_propeller_has_its_budget_and_its_thrust_by_the_mass() -> None:
     throttle = laws_of({"THR_BUDGET": 30.0, "THR_MAX": 0.8}, PLANE).throttle
+    weak = laws_of({"THR_BUDGET": 30.0}, PLANE._replace(propeller_thrust_n=0.4)).throttle
+    assert (weak.budget_s, weak.thrust_mps2) == pytest.approx((30.0, 0.5))
     assert throttle._asdict() == pytest.approx(
         {"budget_s": 30.0, "most": 0.8, "thrust_mps2": 4.0 / 0.8, "speed_mps": 18.0, "lag_s": 0.1}
     )
