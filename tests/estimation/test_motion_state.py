@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from test_position_fixes import known, off, take
 
 from tgl_soar.estimation.fix_filter import Covariance, Errors, Moments
 from tgl_soar.estimation.motion_state import (
@@ -23,6 +24,7 @@ from tgl_soar.estimation.motion_state import (
     LastImu,
     MotionGains,
     MotionState,
+    Reckoning,
     covariance_at,
     errors_when_switched,
     initial_motion,
@@ -220,3 +222,21 @@ def test_before_anything_has_come_nothing_is_known_and_nothing_is_off() -> None:
 def test_accelerations_are_taken_to_come_with_every_tick_until_it_is_known() -> None:
     """200 Hz, as the loop."""
     assert initial_motion().imu.interval_s == 1.0 / 200.0
+
+
+def test_the_fifth_fix_in_a_row_that_is_off_by_the_same_is_believed() -> None:
+    """Four are refused: 80 ms at 50 Hz, in which an aircraft moves by less than a metre."""
+    state = known()
+    for k in range(1, 6):
+        before = state
+        state = take(state, off(state, 1.0 + 0.02 * k, (2.0, 0.0, 0.0)))
+        assert (state.rejected > before.rejected) == (k < 5)
+    assert state.outliers == NO_OUTLIERS
+
+
+@pytest.mark.parametrize(("since_s", "one"), [(1.9, True), (2.1, False)])
+def test_reckonings_within_two_seconds_of_each_other_are_one(since_s: float, one: bool) -> None:
+    """An estimator says how it stands once a second at the slowest: two may be missed."""
+    reckons = known(reckoning=Reckoning(-5.0, 1.1 - since_s, True))
+    after = take(reckons, off(reckons, 1.1, (0.0, 0.0, 0.0), reckoned=True)).reckoning
+    assert after.since_s == (-5.0 if one else 1.1)
