@@ -349,6 +349,7 @@ def test_why_a_launch_is_given_up_is_one_condition_that_it_lacks(standing: int) 
     assert bool(bits & modes.THROWN) == aloft
     assert not bits & modes.LAUNCH
     assert found(LNC_START=1.0) & modes.LAUNCH
+    assert not bits & modes.ENGAGE  # which is the operator's
 
 
 SHORT = {"counts_m": -0.1, "left_m": -0.1, "since_s": NOW_S - 0.6}  # for longer than half a second
@@ -508,4 +509,5 @@ def test_beating_needs_twice_the_least_height(
     assert not can_beat(laws, seen(clearance_m=needed_m - 0.1))
     assert not can_beat(laws, seen(clearance_m=nan))
     assert not can_beat(laws_with(BEAT_WIDTH=0.0), HERE)
+    assert can_beat(laws_with(BEAT_WIDTH=0.5), HERE)
     assert not can_beat(laws, with_health(position_ok=False))

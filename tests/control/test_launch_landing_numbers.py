@@ -29,7 +29,7 @@ from test_launch_landing import (
 
 from tgl_soar.control import launch
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.airspeed_hold import NO_GLIDE
+from tgl_soar.control.airspeed_hold import NO_GLIDE, GlideSetpoints
 from tgl_soar.control.envelope import Limited, unlimited
 from tgl_soar.control.estimates import Estimates
 from tgl_soar.control.landing import slowest_known
@@ -330,6 +330,17 @@ def test_beating_banks_by_eighteen_degrees_or_what_is_allowed_if_more(
         assert degrees(to_left) == pytest.approx(-most)
         straight = guided(modes.LANDING, now=carried, laws=laws).bank.output
         assert degrees(straight) == pytest.approx(side_bank_deg)
+
+
+@pytest.mark.parametrize(("steeper", "bank_deg"), [(0.0, 10.0), (0.2, 12.0), (0.5, 15.0)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_weave_that_may_be_steeper_banks_by_so_much_more_to_either_side(
+    monkeypatch: pytest.MonkeyPatch, steeper: float, bank_deg: float, side: float
+) -> None:
+    setpoints = GlideSetpoints(0.0, 0.0, 30.0 * side, steeper)
+    monkeypatch.setattr(way, "glide_setpoints", lambda *_: setpoints)
+    found = guided(modes.LANDING, laws=laws_with(SIDE_BANK=10.0, SIDE_P=1.0))
+    assert degrees(found.bank.output) == pytest.approx(side * bank_deg)
 
 
 @pytest.mark.parametrize("mode", [modes.SOARING, modes.BEATING])

@@ -267,7 +267,14 @@ def test_it_opens_for_want_of_lift_and_for_the_way_home() -> None:
         assert (after.fraction > 0.0) == (called != NOT_CALLED)
 
 
-@pytest.mark.parametrize("budget_s", [0.0, BUDGET_S])
+def test_the_last_second_of_a_budget_is_power_yet() -> None:
+    """What sinks by a tenth of a metre per second it holds for longer."""
+    barely, short = SINKS._replace(excess_mps=-0.1), laws(0.9)
+    found = power_conditions(short, modes.SOARING, NO_THROTTLE, barely, GOOD)
+    assert found == modes.SETTLES
+
+
+@pytest.mark.parametrize("budget_s", [0.0, 0.9, BUDGET_S])
 def test_without_a_budget_it_stays_off(budget_s: float) -> None:
     way = NO_LAUNCH_LANDING
     after = power_step(laws(budget_s), NO_THROTTLE, modes.SOARING, SINKS, way, GOOD, DT)
