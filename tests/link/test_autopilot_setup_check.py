@@ -1,0 +1,375 @@
+"""Whether the autopilot is asked how it is set up, how often, and what its answers hold back."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from itertools import pairwise
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from tgl_soar.link.autopilot_setup_check import ParameterReading, SetupInquiry
+from tgl_soar.link.autopilots.ardupilot import ArduPilot
+from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
+from tgl_soar.link.autopilots.px4 import Px4
+from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Needs, Requirement, need
+from tgl_soar.link.encoder import Encoder
+from tgl_soar.link.messages import Outbound, ParamRequestRead, ParamValue, Source
+
+CHANNELS = SurfaceChannels(
+    elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+    rudder=SurfaceChannel(channel=4, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
+)
+NEEDS = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=True)
+VEHICLE, OURS = 7, 255
+SENDERS = ["SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI"]  # of an ArduPlane, old and new
+ROWS = (
+    need("A", "is", 1, "a thing", old=False),
+    need("B OLD_B", "at most", 2, "another", old=False),
+    need("C", "is", 3, "not in every release"),
+    need("D", "is", 4, "only better", SHOULD, old=False),
+)
+GOOD: dict[str, float] = {"SYSID_MYGCS": 255.0, "A": 1.0, "B": 2.0, "C": 3.0}
+STEP_S = 0.02  # of the loop that polls
+QUARTER_S = 0.25
+
+
+class Plane(ArduPilot):
+    """An ArduPlane of which less is wanted."""
+
+    rows: tuple[Requirement, ...] = ROWS
+
+    def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
+        assert needs == NEEDS
+        return self.rows
+
+
+def value(name: str, number: float, kind: int = 9) -> ParamValue:
+    return ParamValue(
+        param_id=name, param_value=number, param_type=kind, param_count=1, param_index=0
+    )
+
+
+def reading(*names: str, burst: int = 2) -> ParameterReading:
+    return ParameterReading(Plane(CHANNELS, VEHICLE), VEHICLE, names, burst)
+
+
+def names_of(requests: list[ParamRequestRead] | list[Outbound]) -> list[str]:
+    assert all(isinstance(request, ParamRequestRead) for request in requests)
+    return [request.param_id for request in requests]  # type: ignore[union-attr]
+
+
+# --- reading -------------------------------------------------------------------------------------
+
+
+def test_a_parameter_is_asked_for_by_its_name_at_the_autopilot() -> None:
+    (request,) = reading("A").poll(0.0)
+    assert request == ParamRequestRead(
+        target_system=VEHICLE,
+        target_component=mavlink.MAV_COMP_ID_AUTOPILOT1,
+        param_id="A",
+        param_index=-1,  # "-1 to use the param ID field as identifier"
+    )
+
+
+def test_each_is_asked_for_four_times_four_fifths_of_a_second_apart() -> None:
+    """3.2 s in all: a radio that loses half of all frames has answered 15 of 16 by then."""
+    asks = reading("A")
+    asked_s = [tick * STEP_S for tick in range(500) if asks.poll(tick * STEP_S)]
+    assert asked_s == pytest.approx([0.0, 0.8, 1.6, 2.4], abs=2.5 * STEP_S)
+
+
+def test_two_are_asked_for_at_once_unless_otherwise_said() -> None:
+    default = ParameterReading(Plane(CHANNELS, VEHICLE), VEHICLE, "ABCDE")
+    assert [names_of(default.poll(0.0)) for _ in range(4)] == [["A", "B"], ["C", "D"], ["E"], []]
+    assert names_of(reading(*"ABCDE", burst=4).poll(0.0)) == ["A", "B", "C", "D"]
+
+
+def test_a_name_that_is_given_twice_is_asked_for_once() -> None:
+    assert names_of(reading("A", "B", "A", burst=9).poll(0.0)) == ["A", "B"]
+
+
+def test_what_has_answered_is_asked_for_no_more_and_others_are() -> None:
+    asks = reading("A", "B")
+    asks.poll(0.0)
+    assert asks.take(value("A", 5.0))
+    assert asks.answers == {"A": 5.0}
+    assert names_of(asks.poll(1.0)) == ["B"]
+
+
+def test_a_parameter_of_somebody_else_s_interest_is_not_ours() -> None:
+    asks = reading("A")
+    assert not asks.take(value("Z", 5.0))
+    assert asks.answers == {}
+    assert names_of(asks.poll(0.0)) == ["A"]
+
+
+def test_a_value_that_comes_unasked_counts_too() -> None:
+    """As when a station sets it: it was not being waited for, and is another one now."""
+    asks = reading("A")
+    for number in (1.0, 2.0):
+        assert asks.take(value("A", number))
+        assert asks.answers == {"A": number}
+
+
+def test_whole_numbers_are_read_as_the_firmware_sends_them() -> None:
+    (as_float,) = struct.unpack("<f", struct.pack("<i", 3))
+    asks = ParameterReading(Px4(CHANNELS, VEHICLE), VEHICLE, ["COM_RC_IN_MODE"])
+    asks.take(value("COM_RC_IN_MODE", as_float, mavlink.MAV_PARAM_TYPE_INT32))
+    assert asks.answers == {"COM_RC_IN_MODE": 3.0}
+
+
+def test_it_is_done_when_each_has_answered_or_has_had_time_to_after_the_last_request() -> None:
+    asks = reading("A", "B")
+    assert not asks.done(0.0)
+    asks.take(value("A", 1.0))
+    for asked_s in (0.0, 1.0, 2.0, 3.0):
+        assert not asks.done(asked_s + 0.9)
+        assert names_of(asks.poll(asked_s)) == ["B"]
+    assert not asks.done(3.7)
+    assert asks.done(3.9)
+    asks.take(value("B", 1.0))
+    assert asks.done(3.0)
+
+
+def test_of_some_it_is_known_once_they_were_asked_for_and_had_time() -> None:
+    asks = reading("A", "B", "C")
+    assert not asks.done(5.0, ["A"])  # not asked for yet
+    asks.poll(5.0)
+    assert not asks.done(5.7, ["A"])
+    assert asks.done(5.9, ["A"])
+    assert asks.done(5.9, ["A", "B"])
+    assert not asks.done(5.9, ["A", "C"])  # the third was not asked for
+    asks.take(value("C", 1.0))
+    assert asks.done(5.9, ["A", "C"])
+    assert not asks.done(5.9)  # not all of them four times
+
+
+def test_after_a_restart_nothing_is_known_and_all_are_asked_for_again() -> None:
+    asks = reading("A", "B")
+    asks.poll(0.0)
+    asks.take(value("A", 1.0))
+    asks.restart()
+    assert asks.answers == {}
+    assert names_of(asks.poll(0.02)) == ["B", "A"]
+
+
+def test_what_is_asked_for_again_stands_until_it_answers() -> None:
+    asks = reading("A", "B", burst=9)
+    asks.take(value("A", 1.0))
+    asks.take(value("B", 2.0))
+    asks.ask(["B"])
+    assert asks.answers == {"A": 1.0, "B": 2.0}
+    assert names_of(asks.poll(0.0)) == ["B"]
+    asks.take(value("B", 3.0))
+    assert asks.answers["B"] == 3.0
+
+
+# --- the inquiry ---------------------------------------------------------------------------------
+
+
+class Vehicle:
+    """Answers with what it has, and with silence to the rest."""
+
+    def __init__(self, parameters: Mapping[str, float]) -> None:
+        self.parameters = dict(parameters)
+        self.asked: list[tuple[float, list[str]]] = []
+        self.notices: list[str] = []
+        self.now_s = 10.0
+
+    def run(self, inquiry: SetupInquiry, seconds: float = 12.0) -> Vehicle:
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            requests, notices = inquiry.poll(self.now_s)
+            if requests:
+                self.asked.append((self.now_s, names_of(requests)))
+            self.notices += notices
+            for name in names_of(requests):
+                if name in self.parameters:
+                    inquiry.take(value(name, self.parameters[name]))
+            self.now_s += STEP_S
+        return self
+
+    def names(self) -> set[str]:
+        return {name for _, names in self.asked for name in names}
+
+
+def inquiry(needs: Needs | None = NEEDS, rows: tuple[Requirement, ...] = ROWS) -> SetupInquiry:
+    plane = Plane(CHANNELS, VEHICLE)
+    plane.rows = rows
+    return SetupInquiry(plane, VEHICLE, OURS, needs)
+
+
+def test_what_must_be_is_asked_for_and_who_is_obeyed_and_nothing_else() -> None:
+    assert Vehicle({}).run(inquiry()).names() == {*SENDERS, "A", "B", "OLD_B", "C"}
+    assert {row.level for row in ROWS if "D" in row.names} == {SHOULD}
+    assert {row.level for row in ROWS if "A" in row.names} == {MUST}
+
+
+def test_without_needs_it_is_asked_only_whom_it_obeys() -> None:
+    assert Vehicle({}).run(inquiry(None)).names() == {*SENDERS}
+
+
+def test_no_more_than_640_bytes_a_second_are_asked_for() -> None:
+    """The slowest radio bears it."""
+    vehicle = Vehicle({}).run(inquiry(), 1.0)
+    frame = Encoder(Source(1, 191)).encode(ParamRequestRead(VEHICLE, 1, "A" * 16, -1))
+    times_s = [at_s for at_s, _ in vehicle.asked]
+    gaps_s = [after_s - before_s for before_s, after_s in pairwise(times_s)]
+    assert min(gaps_s) > 0.1 - 1e-9
+    most = max(len(names) for _, names in vehicle.asked)
+    assert most == 2
+    assert most * len(frame) / 0.1 == pytest.approx(640.0)
+    assert max(gaps_s[:2]) < 0.13  # and no slower either
+
+
+def test_one_that_is_set_up_well_is_not_mentioned_and_not_asked_again() -> None:
+    check = inquiry()
+    vehicle = Vehicle(GOOD).run(check)
+    assert vehicle.notices == []
+    assert check.held_back() == ""
+    vehicle.asked.clear()
+    vehicle.run(check)
+    assert vehicle.asked == []
+
+
+def test_what_is_wrong_is_reported_once_and_holds_the_engagement_back() -> None:
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0}).run(check)
+    (notice,) = vehicle.notices
+    assert notice == "cannot be engaged: set A to 1, it is 9: a thing"
+    assert check.held_back() == "set A to 1, it is 9: a thing"
+
+
+def test_of_several_that_are_wrong_the_first_is_named_and_the_others_counted() -> None:
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0, "B": 8.0, "C": 0.0}).run(check)
+    words = "set A to 1, it is 9: a thing, and 2 more (tgl-soar preflight)"
+    assert vehicle.notices == [f"cannot be engaged: {words}"]
+    assert check.held_back() == words
+
+
+def test_what_only_some_releases_have_is_wrong_where_it_is_and_nothing_where_it_is_not() -> None:
+    without = {name: number for name, number in GOOD.items() if name != "C"}
+    assert Vehicle(without).run(inquiry()).notices == []
+    check = inquiry()
+    Vehicle({**GOOD, "C": 4.0}).run(check)
+    assert check.held_back() == "set C to 3, it is 4: not in every release"
+
+
+def test_what_did_not_answer_is_reported_but_holds_nothing_back() -> None:
+    check = inquiry()
+    vehicle = Vehicle({"SYSID_MYGCS": 255.0, "A": 1.0}).run(check)
+    assert vehicle.notices == [
+        "not known how the autopilot is set up: B did not answer (tgl-soar preflight)"
+    ]
+    assert check.held_back() == ""
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (2, "P0, P1 did not answer"),
+        (3, "P0, P1, P2 did not answer"),
+        (4, "P0, P1, P2 and 1 more did not answer"),
+        (9, "P0, P1, P2 and 6 more did not answer"),
+    ],
+)
+def test_of_many_that_did_not_answer_three_are_named(count: int, words: str) -> None:
+    """A status text has 50 characters, and a radio little time."""
+    rows = tuple(need(f"P{i}", "is", 1, "why", old=False) for i in range(count))
+    (notice,) = Vehicle({"SYSID_MYGCS": 255.0}).run(inquiry(rows=rows)).notices
+    assert words in notice
+
+
+def test_a_name_with_two_rows_is_named_once() -> None:
+    rows = (
+        need("P", "is not", 1, "why", old=False),
+        need("P", "is not", 2, "why", old=False),
+        need("Q", "is", 1, "why", old=False),
+    )
+    (notice,) = Vehicle({"SYSID_MYGCS": 255.0}).run(inquiry(rows=rows)).notices
+    assert "P, Q did not answer" in notice
+
+
+def test_an_older_name_is_an_answer_too() -> None:
+    old = {("OLD_B" if name == "B" else name): number for name, number in GOOD.items()}
+    check = inquiry()
+    assert Vehicle(old).run(check).notices == []
+    assert check.held_back() == ""
+
+
+def test_who_is_not_obeyed_hears_it_once() -> None:
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "SYSID_MYGCS": 254.0}).run(check)
+    (notice,) = vehicle.notices
+    assert "SYSID_MYGCS" in notice
+    assert check.held_back() == notice
+    vehicle.run(check)
+    assert vehicle.notices == [notice]
+
+
+def test_who_is_obeyed_is_known_only_once_all_the_names_had_time_to_answer() -> None:
+    """The upper end of the range may come behind the lower one."""
+    check = inquiry(None)
+    vehicle = Vehicle({"MAV_GCS_SYSID": 250.0})
+    vehicle.run(check, 0.7)
+    assert vehicle.notices == []
+    vehicle.parameters["MAV_GCS_SYSID_HI"] = 255.0
+    vehicle.run(check, 5.0)
+    assert vehicle.notices == []
+    assert check.held_back() == ""
+
+
+def test_what_was_wrong_is_asked_for_again_when_an_engagement_is_tried() -> None:
+    """It may have been corrected meanwhile."""
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0, "SYSID_MYGCS": 254.0}).run(check)
+    assert "SYSID_MYGCS" in check.held_back()
+    vehicle.parameters |= GOOD
+    vehicle.asked.clear()
+    vehicle.run(check)
+    assert vehicle.names() == {"A", *SENDERS}
+    assert check.held_back() == ""
+
+
+def test_an_engagement_that_is_not_held_back_asks_nothing() -> None:
+    check = inquiry()
+    vehicle = Vehicle(GOOD).run(check)
+    vehicle.asked.clear()
+    assert check.held_back() == ""
+    vehicle.run(check)
+    assert vehicle.asked == []
+
+
+def test_what_was_corrected_and_is_wrong_again_is_reported_again() -> None:
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0}).run(check)
+    check.take(value("A", 1.0))  # as when a station sets it
+    vehicle.run(check, 1.0)
+    check.take(value("A", 9.0))
+    vehicle.run(check, 1.0)
+    assert vehicle.notices == ["cannot be engaged: set A to 1, it is 9: a thing"] * 2
+
+
+def test_after_a_restart_everything_is_asked_for_at_once() -> None:
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0}).run(check)
+    check.poll(vehicle.now_s)
+    check.restart()
+    assert check.held_back() == ""
+    requests, _ = check.poll(vehicle.now_s)
+    assert len(requests) == 2
+    vehicle.asked.clear()
+    vehicle.run(check)
+    assert check.held_back() == "set A to 1, it is 9: a thing"
+
+
+def test_a_firmware_that_obeys_everybody_is_not_asked_whom() -> None:
+    check = SetupInquiry(Px4(CHANNELS, VEHICLE), VEHICLE, OURS)
+    vehicle = Vehicle({}).run(check, QUARTER_S)
+    assert vehicle.asked == []
+    assert vehicle.notices == []
+    assert check.held_back() == ""
