@@ -280,12 +280,13 @@ class Disk(NamedTuple):
     looks_s: list[float]  # how long it has slept each time
     script: list[Callable[[], None]]  # what happens while it sleeps; then the process ends
     daemons: list[bool]
+    ended: list[bool]  # that the process ends: it has been told so
     joined_s: list[float]
 
 
 @pytest.fixture
 def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
-    made = Disk([], [], [], [])
+    made = Disk(looks_s=[], script=[], daemons=[], ended=[], joined_s=[])
 
     class Event:
         def wait(self, timeout: float) -> bool:
@@ -296,7 +297,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
             return False
 
         def set(self) -> None:
-            made.script.clear()
+            made.ended.append(True)
 
     class Thread:
         def __init__(self, target: Callable[[], None], name: str, daemon: bool) -> None:
@@ -308,6 +309,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
             self._target()
 
         def join(self, timeout: float) -> None:
+            assert made.ended  # or it would be waited for in vain
             made.joined_s.append(timeout)
 
     monkeypatch.setattr(threading, "Event", Event)
