@@ -243,10 +243,13 @@ def test_what_is_wrong_is_reported_once_and_holds_the_engagement_back() -> None:
     assert check.held_back() == "set A to 1, it is 9: a thing"
 
 
-def test_of_several_that_are_wrong_the_first_is_named_and_the_others_counted() -> None:
+@pytest.mark.parametrize(("others", "more"), [({"B": 8.0}, 1), ({"B": 8.0, "C": 0.0}, 2)])
+def test_of_several_that_are_wrong_the_first_is_named_and_the_others_counted(
+    others: dict[str, float], more: int
+) -> None:
     check = inquiry()
-    vehicle = Vehicle({**GOOD, "A": 9.0, "B": 8.0, "C": 0.0}).run(check)
-    words = "set A to 1, it is 9: a thing, and 2 more (tgl-soar preflight)"
+    vehicle = Vehicle({**GOOD, "A": 9.0, **others}).run(check)
+    words = f"set A to 1, it is 9: a thing, and {more} more (tgl-soar preflight)"
     assert vehicle.notices == [f"cannot be engaged: {words}"]
     assert check.held_back() == words
 
