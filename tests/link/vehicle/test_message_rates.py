@@ -165,6 +165,12 @@ def test_where_the_module_changes_the_mode_heartbeats_are_asked_for_before_all_e
     assert Asked("ardupilot", "attitude").wanted()["HEARTBEAT"] == 5.0
 
 
+def test_without_that_the_attitude_is_asked_for_first() -> None:
+    """Nothing flies without it."""
+    (first,) = Asked().streams.poll(0.0)
+    assert first.params[:2] == (float(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION), 5_000.0)
+
+
 def test_another_rate_of_the_loop_changes_attitude_and_accelerations_alone() -> None:
     asked = Asked()
     before = asked.wanted()

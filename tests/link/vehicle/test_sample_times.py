@@ -237,16 +237,17 @@ def test_an_autopilot_that_has_restarted_is_reported_and_its_streams_are_asked_f
     assert vehicle.said("restarted") == [(SEVERITY_INFO, words)]
 
 
-def test_a_clock_that_leaps_ahead_was_no_restart_and_is_said_to_be_another() -> None:
+@pytest.mark.parametrize(("leap_s", "words"), [(400.0, "400.0 s"), (0.6, "0.6 s")])
+def test_a_clock_that_leaps_ahead_was_no_restart_and_is_said_to_be_another(
+    leap_s: float, words: str
+) -> None:
     vehicle = Vehicle()
     vehicle.run(5.0)
-    vehicle.ahead_s += 400.0
+    vehicle.ahead_s += leap_s
     vehicle.run(2.0)
     assert vehicle.counters.reboots == 1
-    words = "the autopilot's clock is another one, 400.0 s ahead of the last"
-    assert vehicle.said("another one") == [
-        (SEVERITY_INFO, f"{words}: asking for its streams again")
-    ]
+    text = f"the autopilot's clock is another one, {words} ahead of the last"
+    assert vehicle.said("another one") == [(SEVERITY_INFO, f"{text}: asking for its streams again")]
     assert vehicle.said("restarted") == []
 
 
