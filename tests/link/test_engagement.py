@@ -202,6 +202,10 @@ def test_an_earlier_message_does_not_undo_a_later_one(
     assert pilot.moves(LOW, stamp_ms=stamp_ms) == (RELEASE if counts else NOTHING)
 
 
+def test_the_very_first_message_is_never_late() -> None:
+    assert Pilot().moves(LOW, stamp_ms=1) == RELEASE
+
+
 def test_a_late_message_is_no_measure_of_those_that_follow() -> None:
     pilot = Pilot()
     pilot.moves(LOW, stamp_ms=50_000)
