@@ -278,3 +278,31 @@ def test_its_loop_must_bear_our_rate_and_never_be_slow(loop_hz: float, wanted: f
 def test_its_values_are_floats_whatever_their_type() -> None:
     value = ParamValue(param_id="X", param_value=3.0, param_type=4, param_count=1, param_index=0)
     assert ArduPilot(on(2, 1, 4), SYSTEM).value_of(value) == 3.0
+
+
+def functions(channels: SurfaceChannels) -> dict[str, float]:
+    """What each output and each stick's channel must be."""
+    rows = ArduPilot(channels, SYSTEM).requirements(NEEDS)
+    ours = {name: row.wanted for row in rows for name in row.names}
+    return {n: w for n, w in ours.items() if n.endswith("_FUNCTION") or n.startswith("RCMAP_")}
+
+
+def test_a_brake_of_its_own_passes_through_and_the_ailerons_stay_ardupilot_s() -> None:
+    """SERVOn_FUNCTION: 19 elevator, 4 aileron, 21 rudder, and 50 more than a channel repeats it."""
+    plain = {"SERVO2_FUNCTION": 19.0, "SERVO1_FUNCTION": 4.0, "SERVO4_FUNCTION": 21.0}
+    sticks = {"RCMAP_PITCH": 2.0, "RCMAP_ROLL": 1.0, "RCMAP_YAW": 4.0}
+    assert functions(on(2, 1, 4)) == plain | sticks
+    spoiled = on(2, 1, 4)._replace(brake=BrakeChannel(surface(6)))
+    assert functions(spoiled) == plain | sticks | {"SERVO6_FUNCTION": 56.0}
+    mixed = on(2, 1, 4)._replace(brake=BrakeChannel(surface(6), throw=0.5))
+    del sticks["RCMAP_ROLL"]
+    through = {"SERVO1_FUNCTION": 51.0, "SERVO6_FUNCTION": 56.0}
+    assert functions(mixed) == plain | sticks | through
+
+
+def test_whatever_is_asked_of_the_override_s_end_must_be_answered() -> None:
+    """Every release has it, and without it the surfaces might stay where they were forever."""
+    rows = ArduPilot(on(2, 1, 4), SYSTEM).requirements(NEEDS)
+    asked = [row for row in rows if row.names == ("RC_OVERRIDE_TIME",)]
+    assert {row.relation for row in asked} == {"at least", "at most"}
+    assert not any(row.missing_ok for row in asked)

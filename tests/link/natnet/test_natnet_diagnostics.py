@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
@@ -53,3 +55,51 @@ def test_what_is_counted_is_said_in_words() -> None:
     counters = OptitrackCounters(frames=3, out_of_order=2)
     assert counters.summary() == "3 frames, 2 out of order"
     assert OptitrackCounters().summary() == ""
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(OptitrackCounters)])
+def test_everything_is_counted_from_zero_and_said_by_its_name(name: str) -> None:
+    assert getattr(OptitrackCounters(), name) == 0
+    counted = OptitrackCounters(**{name: 2})
+    assert counted.summary() == f"2 {name.replace('_', ' ')}"
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_outage"),
+    [
+        *((kind, True) for kind in ("silent", "nobody", "frameless", "odd", "stale", "absent")),
+        *((kind, True) for kind in ("untracked", "finite", "frozen", "jump", "poor")),
+        *((kind, False) for kind in ("version", "mode", "body", "restart")),
+    ],
+)
+def test_that_poses_are_back_is_said_after_what_kept_them_away(kind: str, is_outage: bool) -> None:
+    notices = OutageNotices()
+    notices.now_s = 1.0
+    notices.pose_used(1.0)
+    notices.now_s = 2.0
+    notices.report(kind, SEVERITY_WARNING, "out")
+    notices.now_s = 4.5
+    notices.pose_used(4.5)
+    back = [(SEVERITY_INFO, "OptiTrack: stream is back after 3.5 s")]
+    assert notices.texts[1:] == (back if is_outage else [])
+
+
+def test_each_kind_is_reported_for_itself_and_what_happens_once_is_always_said() -> None:
+    notices = OutageNotices()
+    notices.report("silent", SEVERITY_WARNING, "one")
+    notices.report("jump", SEVERITY_WARNING, "two")
+    notices.add(SEVERITY_INFO, "three")
+    notices.add(SEVERITY_INFO, "three")
+    words = ["one", "two", "three", "three"]
+    assert [text for _, text in notices.texts] == [f"OptiTrack: {word}" for word in words]
+
+
+def test_with_another_clock_nothing_is_known_of_when_poses_were_used() -> None:
+    notices = OutageNotices()
+    notices.now_s = 1000.0
+    notices.pose_used(1000.0)
+    notices.report("silent", SEVERITY_WARNING, "silent")
+    notices.rebase()
+    notices.now_s = 1.0
+    notices.pose_used(1.0)
+    assert notices.texts[-1] == (SEVERITY_INFO, "OptiTrack: stream is there")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tgl_soar.geometry import HallFrame
-from tgl_soar.link.messages import SEVERITY_WARNING
+from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.link.natnet import layout
 from tgl_soar.link.natnet.diagnostics import OptitrackCounters, OptitrackLedger, OutageNotices
 from tgl_soar.link.natnet.layout import ServerInfo
@@ -186,3 +186,56 @@ def test_where_it_streams_and_that_the_site_says_otherwise(multicast: bool, unic
     theirs = "multicast" if multicast else "unicast"
     expected = [f"OptiTrack: it streams {theirs}, mocap.stream does not"]
     assert wrong == (expected if multicast == unicast else [])
+
+
+def test_a_body_that_is_not_there_is_reported_with_the_first_of_those_that_are() -> None:
+    """A status text of 120 letters, not all the props of a hall."""
+    kept = ledger()
+    server = NatNetServer(SETTINGS, kept, lockstep=False)
+    server.accept(INFO, SENDER)
+    kept.notices.texts.clear()
+    server.on_models({})
+    assert kept.notices.texts == []  # nothing is known yet
+    props = {f"prop {number:03}": number for number in range(50)}
+    server.on_models({**props, "Aircraft": 9})
+    ((severity, text),) = kept.notices.texts
+    assert severity == SEVERITY_WARNING
+    begin = "OptiTrack: no rigid body 'glider'; there are "
+    assert text.startswith(f"{begin}Aircraft, prop 000, prop 001")
+    assert len(text) == len(begin) + 120
+    server.on_models({"glider": 3})
+    assert server.body_id == 3
+    assert len(kept.notices.texts) == 1
+
+
+def test_a_server_that_is_accepted_is_reported_with_its_clock() -> None:
+    kept = ledger()
+    server = NatNetServer(SETTINGS, kept, lockstep=False)
+    assert (server.info, server.address, server.stream) == (None, "", None)
+    server.accept(INFO, SENDER)
+    text = "OptiTrack: Motive at 10.0.0.2 speaks NatNet 4.1, clock 1000 Hz"
+    assert kept.notices.texts == [(SEVERITY_INFO, text)]
+    assert (server.info, server.address, server.version) == (INFO, "10.0.0.2", (4, 1))
+
+
+def test_a_server_of_which_nothing_fits_any_more_is_asked_at_once_who_it_is() -> None:
+    server = known()
+    times_of(server, layout.CONNECT, 0.5, silent=True)
+    server.reconnect()
+    assert server.info is None
+    assert not server.is_ready
+    assert asked(server, 0.6) == [layout.CONNECT]
+
+
+def test_a_server_that_has_restarted_is_used_once_its_ids_are_known() -> None:
+    server = known()
+    server.reset()
+    assert (server.is_ready, server.models) == (False, {})
+    assert server.info == INFO
+    assert layout.MODELS_REQUEST in asked(server, 0.0)
+
+
+def test_the_newest_version_is_spoken_until_it_is_known_which() -> None:
+    assert server_of().version == (4, 2)
+    (request,) = server_of().poll(0.0, silent=True)
+    assert request == layout.connect_request((4, 2))
