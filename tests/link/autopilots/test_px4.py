@@ -17,6 +17,7 @@ from tgl_soar.link.autopilots.base import (
     SurfaceChannels,
 )
 from tgl_soar.link.autopilots.px4 import ACTUATORS, ATTITUDE, MANUAL_CONTROL, Px4
+from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.messages import (
     Heartbeat,
     ManualControl,
@@ -204,3 +205,15 @@ def test_its_whole_numbers_come_as_their_bytes() -> None:
 def test_the_way_to_a_faster_stream_is_the_link_s_rate() -> None:
     assert "MAV_x_RATE" in Px4(CHANNELS, SYSTEM).way_to_rate(200.0)
     assert "baud" in Px4(CHANNELS, SYSTEM).way_to_rate(200.0)
+
+
+@pytest.mark.parametrize("route", [ATTITUDE, MANUAL_CONTROL])
+@pytest.mark.parametrize("name", ["NAV_RCL_ACT", "COM_RC_IN_MODE"])
+def test_each_thing_that_is_asked_of_a_radio_s_loss_must_be_answered(
+    route: CommandRoute, name: str
+) -> None:
+    """Every release has these parameters: one that does not answer is not known to be right."""
+    needs = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=True)
+    rows = [row for row in Px4(CHANNELS, SYSTEM, route).requirements(needs) if name in row.names]
+    assert len(rows) >= 2
+    assert [row.missing_ok for row in rows] == [False] * len(rows)

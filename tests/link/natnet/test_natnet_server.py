@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from tgl_soar.geometry import HallFrame
@@ -239,3 +241,13 @@ def test_the_newest_version_is_spoken_until_it_is_known_which() -> None:
     assert server_of().version == (4, 2)
     (request,) = server_of().poll(0.0, silent=True)
     assert request == layout.connect_request((4, 2))
+
+
+def test_the_clock_of_a_server_that_has_restarted_is_measured_as_quickly_as_at_first() -> None:
+    server = known()
+    times_of(server, layout.ECHO_REQUEST, 3.0)
+    server.reset()
+    times = [0.01 * i for i in range(300, 600) if layout.ECHO_REQUEST in asked(server, 0.01 * i)]
+    gaps = [after - before for before, after in pairwise(times)]
+    assert sum(gap < 0.1 for gap in gaps) == 10
+    assert max(gaps) == pytest.approx(1.0, abs=0.02)
