@@ -83,7 +83,16 @@ CASES: list[tuple[Outbound, dict[str, object]]] = [
     (MissionRequestInt(target_system=7, target_component=3, seq=300), ITEMS_OF_A_MISSION),
     (MissionAck(target_system=7, target_component=3, type=15), ITEMS_OF_A_MISSION),
     (ParamRequestRead(7, 3, "SYSID_MYGCS", -1), {}),
-    (ParamError(255, 190, "SIXTEEN_LETTERS_", 300, 2), {}),
+    (
+        ParamError(
+            target_system=255,
+            target_component=190,
+            param_id="SIXTEEN_LETTERS_",
+            param_index=300,
+            error=2,
+        ),
+        {},
+    ),
     (
         ParamValue(
             param_id="TGL_SPEED", param_value=0.5, param_type=9, param_count=480, param_index=470
@@ -222,7 +231,8 @@ def test_a_text_or_a_name_that_is_too_long_is_cut_and_what_is_not_ascii_is_repla
     name = "A" * 15 + "BC"
     kept = "A" * 15 + "B"
     assert read_back(ParamRequestRead(1, 1, name, 0))["param_id"] == kept
-    assert read_back(ParamError(1, 1, name, 0, 1))["param_id"] == kept
+    error = ParamError(target_system=1, target_component=1, param_id=name, param_index=0, error=1)
+    assert read_back(error)["param_id"] == kept
     value = ParamValue(param_id=name, param_value=0.0, param_type=9, param_count=1, param_index=0)
     assert read_back(value)["param_id"] == kept
 
