@@ -76,3 +76,14 @@ def test_reset_it_begins_with_the_next_pose() -> None:
     poses.reset()
     assert poses.judge(body(60.0), 5.02) == track.GOOD
     assert poses.judge(body(60.001), 5.03) == track.GOOD
+
+
+def test_the_four_verdicts_are_told_apart_and_good_is_none_of_the_others() -> None:
+    """A counter is chosen by them, and only a good pose is used."""
+    poses = PoseTrack(10.0)
+    found = [
+        poses.judge(body(x), time_s)
+        for x, time_s in ((0.0, 5.0), (0.0, 5.01), (9.0, 5.02), (9.001, 5.03))
+    ]
+    assert found == [track.GOOD, track.FROZEN, track.JUMPED, track.SETTLING]
+    assert len(set(found)) == 4
