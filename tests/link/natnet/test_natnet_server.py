@@ -106,6 +106,7 @@ def test_definitions_are_asked_for_every_half_a_second_by_turns_of_all_and_of_bo
 
 def test_a_numbered_body_needs_no_definitions() -> None:
     server = server_of(SETTINGS._replace(body=5))
+    assert (server.body_id, server_of().body_id) == (5, None)
     server.accept(INFO, SENDER)
     assert server.body_id == 5
     server.refresh_models()
