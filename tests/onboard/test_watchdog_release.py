@@ -229,6 +229,7 @@ def test_frames_are_signed_with_the_key_of_the_dead_process_a_second_after_its_l
         assert reader.decode(bytearray(frame)).get_signed()
     found = stamps(scene.link)
     assert len(set(found)) == len(found) > RELEASE_FRAMES  # none is accepted twice
+    assert {frame[-13] for frame in scene.link.frames} == {0}  # the same stream of the first link
     assert 0.9 < (found[0] - FAR_AHEAD) / TICKS_PER_S < 1.1
 
 
