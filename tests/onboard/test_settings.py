@@ -57,7 +57,9 @@ class Scene:
 
     def set(self, name: str, value: float) -> None:
         """By a station, through the server."""
-        message = ParamSet(1, 191, name, value, 9)
+        message = ParamSet(
+            target_system=1, target_component=191, param_id=name, param_value=value, param_type=9
+        )
         self.settings.server.handle(STATION, message, 10.0, flying=False)
         self.settings.changed()
 
