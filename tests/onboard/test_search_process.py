@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import select
 import signal
 import socket
 import subprocess
@@ -78,6 +79,14 @@ class Child:
 
     def kill(self) -> None:
         self.done.append("killed")
+
+
+@pytest.fixture(autouse=True)
+def nobody_waits_for_ever() -> Iterator[None]:
+    """On a socket that should not block."""
+    socket.setdefaulttimeout(5.0)
+    yield
+    socket.setdefaulttimeout(None)
 
 
 class Beside:
@@ -259,8 +268,18 @@ def test_the_process_listens_to_all_and_plans_and_answers_the_newest_alone(pair:
 
 
 @pytest.mark.usefixtures("searching")
-def test_a_glimpse_without_an_answer_gets_none_and_the_next_one_its_own(pair: Pair) -> None:
+def test_a_glimpse_without_an_answer_gets_none_and_the_next_one_its_own(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
     ours, theirs = pair
+    waits_s: list[float] = []
+    look = select.select
+
+    def looked(*given: Any) -> Any:
+        waits_s.append(given[-1])
+        return look(*given)
+
+    monkeypatch.setattr(select, "select", looked)
     server = threading.Thread(target=serve, args=(theirs,))
     server.start()
     ours.send(pickle.dumps(glimpse_of(1)))
@@ -268,6 +287,7 @@ def test_a_glimpse_without_an_answer_gets_none_and_the_next_one_its_own(pair: Pa
     assert pickle.loads(ours.recv(LARGEST_BYTES)) == answer_of(2)
     ours.shutdown(socket.SHUT_WR)
     server.join(10.0)
+    assert set(waits_s) == {0.0}  # an answer does not wait for a later glimpse
 
 
 @pytest.mark.usefixtures("searching")

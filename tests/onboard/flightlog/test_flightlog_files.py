@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
+from tgl_soar.onboard.flightlog import files
 from tgl_soar.onboard.flightlog.files import Kept, flight_name, kept_in, make_room, part_name
 
 NOV_21 = timegm((2026, 11, 21, 14, 3, 55))
@@ -192,6 +193,29 @@ def test_a_tenth_of_what_a_disk_has_left_is_not_for_logs(
         blocks = DiskSpace(round(left * KB / 4))
         monkeypatch.setattr(os, "statvfs", lambda _folder, blocks=blocks: blocks)
         assert gone(tmp_path, PLENTY, KB, 5) == lost
+
+
+@pytest.mark.parametrize(("coming", "lost"), [(3600, []), (3601, [1])])
+def test_what_fits_to_the_last_byte_costs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, coming: int, lost: list[int]
+) -> None:
+    """Of 4000 bytes a tenth is for others."""
+    flights(tmp_path, 1, 2, 3, 4, 5, size=4 * KB)
+    monkeypatch.setattr(os, "statvfs", lambda _folder: DiskSpace(1000))
+    assert gone(tmp_path, PLENTY, coming, 5) == lost
+
+
+def test_a_log_that_somebody_else_has_just_taken_away_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = Kept(1, 1, KB, tmp_path / "2026-11-21/10_00_00_flight001.ulg")
+    monkeypatch.setattr(files, "kept_in", lambda _folder: [taken])
+    assert make_room(tmp_path, KB, KB, 5) == [taken]
+
+
+def test_of_a_flight_that_has_no_first_parts_yet_all_may_go(tmp_path: Path) -> None:
+    flights(tmp_path, 5)
+    assert [each.flight for each in make_room(tmp_path, 0, KB, 5)] == [5]
 
 
 @pytest.mark.parametrize("numbers", [(4, 5), (4,), (5,), ()])
