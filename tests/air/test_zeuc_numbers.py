@@ -99,7 +99,7 @@ def test_excess_is_defined_between_the_polars_speeds(u_mps: float, defined: bool
 def test_the_slope_along_the_line_is_that_of_the_polar_by_the_winds_share() -> None:
     """By small differences of sink(√(u² + v²)) in u alone."""
     h = 1e-5
-    for u, v in ((10.0, 0.0), (8.0, 6.0), (8.0, -6.0)):
+    for u, v in ((10.0, 0.0), (8.0, 6.0), (8.0, -6.0), (0.5, 10.0)):
         expected = polar_sink(CUBIC, hypot(u + h, v)) - polar_sink(CUBIC, hypot(u - h, v))
         assert slope_along(CUBIC, u, v) == pytest.approx(expected / (2.0 * h), rel=1e-6)
     assert isnan(slope_along(CUBIC, 0.0, 8.0))
@@ -408,6 +408,15 @@ def test_a_centimetre_for_a_metre_per_second_is_no_move(per_s: float, answer: st
     told = wind_sensitivity(field, LEVEL, here, UP)
     assert told.along_m_per_mps == pytest.approx(0.1 / per_s)
     assert told.answer == answer
+
+
+@pytest.mark.parametrize("u_mps", [4.0, 21.0])
+def test_in_a_wind_beyond_the_polar_there_is_no_answer(u_mps: float) -> None:
+    beside = Crossing(
+        x_m=0.0, z_m=0.0, wind_mps=u_mps, updraft_mps=1.0, excess_slope_per_s=-1.0, stable=True
+    )
+    with pytest.raises(ZeucError, match=r"no slope along the line \(0\.0° lean\)"):
+        wind_sensitivity(plane(0.0, -1.0), LEVEL, beside, UP)
 
 
 # --- the core ------------------------------------------------------------------------------------

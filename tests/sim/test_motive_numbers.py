@@ -15,7 +15,7 @@ from natnet.packet_buffer import PacketBuffer
 from natnet.version import Version as NatNetVersion
 
 from tgl_soar.geometry import HallFrame
-from tgl_soar.sim.motive import HallFault, Motive, MotiveOptions, MotiveServer
+from tgl_soar.sim.motive import HALL_FAULTS, HallFault, Motive, MotiveOptions, MotiveServer
 from tgl_soar.sim.natnet_frames import Triple
 
 # NatNet's numbers of messages, as its SDK has them.
@@ -185,6 +185,7 @@ def test_other_bodies_stand_about_in_the_hall_under_the_next_numbers(bodies: int
         assert 0.0 <= y <= 2.0
         assert abs(z) <= 3.0
         assert body.pos == aircraft_of(frames[0], body.id_num).pos
+        assert body.rot == (0.0, 0.0, 0.0, 1.0)
 
 
 def test_where_the_others_stand_fills_the_hall() -> None:
@@ -291,6 +292,12 @@ def test_places_have_the_noise_asked_for_on_each_axis_and_attitudes_that_over_th
     assert fmean(aircraft_of(frame).pos[0] for frame in frames) == pytest.approx(3.0, abs=3e-4)
 
 
+def test_turns_are_turns_however_large() -> None:
+    """A tenth of a radian about each axis; a rotation's quaternion has the length 1."""
+    for frame in streamed(motive_with(noise_m=0.02), 0.5):
+        assert sum(q * q for q in aircraft_of(frame).rot) == pytest.approx(1.0, abs=1e-5)
+
+
 def test_a_body_lies_in_the_aircraft_a_third_of_a_degree_off_and_stays_so() -> None:
     made_rad = 0.005
     turns: list[Triple] = []
@@ -325,6 +332,11 @@ def exposed_s(frame: DataFrame) -> float:
 
 def among(frame: DataFrame, from_s: float, until_s: float) -> bool:
     return from_s - 1e-6 <= exposed_s(frame) < until_s - 1e-6
+
+
+def test_the_faults_of_a_hall_are_those_below() -> None:
+    kinds = "silent untracked frozen vanish jump swap late restart garbage second"
+    assert sorted(HALL_FAULTS) == sorted(kinds.split())
 
 
 def test_a_silent_server_answers_nothing_and_streams_nothing() -> None:
@@ -418,7 +430,8 @@ def test_a_restarted_server_forgets_its_clients_and_counts_anew(
         frame = decoded(motive.take_datagrams()[-1].data)
         ticks = round((CLOCK_S + now + restarts * apart_s) * TICKS_HZ)
         assert frame.suffix.stamp_camera_mid_exposure == ticks
-    assert frame.prefix.frame_number < 20
+        # 0.21 … 0.40 s are twenty exposures; the second time none was in between.
+        assert frame.prefix.frame_number == (21 if restarts == 1 else 1)
     assert answers(motive, request(CONNECT), now_s=0.55) == []  # nobody is there meanwhile
 
 
