@@ -92,6 +92,18 @@ def test_two_stamps_cannot_say_which_of_them_is_wrong() -> None:
     assert straight.rows["a"].tolist() == [0, 1]
 
 
+def test_a_sample_near_one_of_its_neighbours_does_not_stand_alone() -> None:
+    """After a pause of two seconds the first two came in the wrong order."""
+    straight = one([*even(3), BEGIN_S + 2.3, BEGIN_S + 2.2, BEGIN_S + 2.4])
+    assert straight.rows["a"].tolist() == [0, 1, 2, 4, 3, 5]
+    assert straight.lost == []
+
+
+def test_stamps_that_are_all_far_apart_accuse_none() -> None:
+    far = 2.0 * LEAP_S
+    assert one([BEGIN_S + far * i for i in range(3)]).rows["a"].tolist() == [0, 1, 2]
+
+
 @pytest.mark.parametrize(("back_s", "is_step"), [(0.45, False), (0.7, True), (20.0, True)])
 def test_a_clock_set_back_by_more_than_half_a_second_goes_on_at_its_pace(
     back_s: float, is_step: bool

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, nan, pi, radians, sin, sqrt
+from math import atan2, cos, nan, pi, radians, sin
 from typing import Any
 
 import numpy as np
@@ -194,12 +194,12 @@ def test_a_path_without_y_gives_way_to_a_position_but_not_to_one_of_unknown_orig
 
 
 def test_e_rho_is_the_distance_to_the_line_above_it_positive() -> None:
-    """A line up to the right at 45 degrees, through (1, 2): (0, 3) lies above it, (2, 2) below."""
-    path = of([1.0, 2.0, 3.0], x_m=[0.0, 2.0, 2.0], y_m=[0.0] * 3, z_m=[3.0, 2.0, 3.0])
-    line = of([0.0], x_m=[1.0], z_m=[2.0], eta_rad=[0.25 * pi], moving=[0.0])
+    """A line through (1, 2), three up on four: (0, 3) lies above it, (2, 2) below, (5, 5) on it."""
+    path = of([1.0, 2.0, 3.0], x_m=[0.0, 2.0, 5.0], y_m=[0.0] * 3, z_m=[3.0, 2.0, 5.0])
+    line = of([0.0], x_m=[1.0], z_m=[2.0], eta_rad=[atan2(3.0, 4.0)], moving=[0.0])
     there = on_line(flight(path=path, line=line))
     assert there.tracking is not None
-    assert there.tracking["e_rho_m"] == pytest.approx([sqrt(2.0), -sqrt(0.5), 0.0])
+    assert there.tracking["e_rho_m"] == pytest.approx([1.4, -0.6, 0.0])
     assert there.tracking.source == "made up and made up"
 
 
