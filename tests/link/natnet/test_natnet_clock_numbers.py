@@ -178,7 +178,9 @@ def test_a_frame_that_fits_begins_the_count_anew() -> None:
     assert clock.restarts == 1
 
 
-@pytest.mark.parametrize(("moving_s", "restarts"), [(0.019, 1), (-0.019, 1), (0.021, 0)])
+@pytest.mark.parametrize(
+    ("moving_s", "restarts"), [(0.019, 1), (-0.019, 1), (0.021, 0), (-0.021, 0)]
+)
 def test_odd_frames_of_one_clock_are_within_twenty_milliseconds_of_the_first(
     moving_s: float, restarts: int
 ) -> None:
