@@ -81,14 +81,6 @@ class Child:
         self.done.append("killed")
 
 
-@pytest.fixture(autouse=True)
-def nobody_waits_for_ever() -> Iterator[None]:
-    """On a socket that should not block."""
-    socket.setdefaulttimeout(5.0)
-    yield
-    socket.setdefaulttimeout(None)
-
-
 class Beside:
     """The search in a process of its own, and that process."""
 
@@ -116,6 +108,11 @@ def beside(monkeypatch: pytest.MonkeyPatch) -> Iterator[Beside]:
 
 
 # --- to and fro -----------------------------------------------------------------------------------
+
+
+def test_the_flight_never_waits_for_the_process(beside: Beside) -> None:
+    """Looked up in the socket: a test that is kept waiting would not end."""
+    assert not beside.search._socket.getblocking()
 
 
 def test_the_process_is_started_with_its_end_of_the_pair_and_one_thread(beside: Beside) -> None:
