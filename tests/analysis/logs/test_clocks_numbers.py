@@ -151,3 +151,19 @@ def test_a_gap_of_one_stream_is_no_leap_where_another_goes_on() -> None:
     straight = Straightened({"a": a, "b": b})
     assert straight.lost == []
     assert straight.time_s["a"].tolist() == a.tolist()
+
+
+def test_of_every_leap_a_second_is_left() -> None:
+    far_s = LEAP_S + 5.0
+    straight = one(
+        [BEGIN_S, BEGIN_S + 1.0, BEGIN_S + far_s, BEGIN_S + far_s + 1.0]
+        + [BEGIN_S + 2.0 * far_s + i for i in range(3)]
+    )
+    assert straight.time_s["a"] == pytest.approx(np.arange(7.0))
+    assert len(straight.lost) == 2
+
+
+def test_stamps_before_time_began_are_left_out_though_they_agree() -> None:
+    straight = one([-2.0, -1.9, -1.8, 0.0, 0.1, 0.2])
+    assert straight.rows["a"].tolist() == [3, 4, 5]
+    assert straight.start_s == 0.0
