@@ -59,6 +59,7 @@ ANALYSIS = (
     "analysis/rare/test_splitting.py", "analysis/replay/test_replay.py",
     "analysis/report/test_figures.py", "analysis/report/test_point_figure.py",
     "analysis/survey/test_contour_fit.py", "analysis/test_identification.py",
+    "analysis/test_identification_equations.py",
     "analysis/test_identification_brake.py", "analysis/test_linear_model.py",
     "analysis/test_loop_response.py", "analysis/tuning/test_tune.py",
     "cli/test_experiment_commands.py", "cli/test_rare_command.py", "tools/test_compare_cfd.py",

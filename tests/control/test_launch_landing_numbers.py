@@ -237,7 +237,7 @@ def guided(
     soaring: SoaringState = LEVEL,
     limited: Limited = FREE,
 ) -> Guided:
-    return Guided(*phase_guide(laws, state, mode, now, soaring, AT_REST, limited, TICK_S))
+    return Guided._make(phase_guide(laws, state, mode, now, soaring, AT_REST, limited, TICK_S))
 
 
 def flying_at(airspeed_mps: float, **changes: Any) -> Estimates:

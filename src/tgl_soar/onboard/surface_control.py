@@ -18,7 +18,7 @@ from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.types import OURS, THEIRS, AutopilotStatus, Setpoints, SurfaceCommand, isfinite
 
-LONGEST_FRAME: Final = 293  # bytes of a MAVLink 2 frame with a full payload and a signature
+LONGEST_FRAME: Final = 280  # bytes of a MAVLink 2 frame with a full payload and a signature
 RELEASE_FRAMES: Final = 5  # a lost frame must not leave the aircraft to the overrides' time-out
 RELEASE_INTERVAL_S: Final = 0.1
 
