@@ -2,11 +2,11 @@
 
     theta_sp = theta_glide(V_sp) + KP (V − V_sp) + KI ∫ (V − V_sp) dt
 
-Held pitch alone brings V to its place in 3.6 s (2 g alpha / V² of it); KP makes 1.5 s of that, KI a
-wrong theta_glide good in 4 s, damped by 0.8.  An airspeed that no pitot tube measures may lower the
-nose by this and not raise it above theta_glide of the slowest V: drag that nobody knows of looks
-like speed, in a weave and near the stall, and to slow down for it is how a stall begins, while a
-pitch is certain to some tenths of a degree and keeps V by itself.
+Held pitch alone brings V to its place in 3.6 s (a rate of 2 g alpha / V); KP makes 1.5 s of that,
+KI a wrong theta_glide good in 4 s, damped by 0.8.  An airspeed that no pitot tube measures may
+lower the nose by this and not raise it above theta_glide of the slowest V: drag that nobody knows
+of looks like speed, in a weave and near the stall, and to slow down for it is how a stall begins,
+while a pitch is certain to some tenths of a degree and keeps V by itself.
 
 **A stall** that came all the same is detected by the elevator: as far up as it may go while the
 nose stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then
