@@ -237,7 +237,7 @@ def _times(
             laws.envelope,
             state.loops.limited.command,
             output.command,
-            elevator_limit(laws.envelope, laws.trim.elevator, 0.1),
+            elevator_limit(laws.envelope, laws.trim.elevator, 0.1, 0.0),
             1.0,
             True,
             TICK_S,

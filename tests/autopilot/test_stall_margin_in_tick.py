@@ -112,3 +112,20 @@ def test_what_the_envelope_cuts_off_the_setpoint_winds_up_no_integral() -> None:
     assert len(cut) > 10
     for before, after in cut:
         assert after.soaring.i <= before.soaring.i
+
+
+def test_whatever_the_pitch_loop_asks_the_elevator_holds_no_stall() -> None:
+    """With a pose alone nothing is known of the air, and a gain that is too large asks for more."""
+    outputs, _ = flown(USUAL_SENSORS, ELE_P=20.0, ALPHA_MAX=9.0)
+    aero = load_airframe(shipped("airframes/eclipson_c.toml")).aerodynamics()
+    glide = ((aero.CD0 / aero.CD_lift) ** 0.5 - aero.CL0) / aero.CL_alpha  # the best one
+    more = radians(9.0) + radians(8.1) - glide
+    held = -aero.Cm_alpha / aero.Cm_elevator * more
+    flies = [o for o in outputs if o.active]
+    cut = [o for o in flies if o.cut & CUT_NOSE_UP]
+    assert len(cut) >= 5
+    assert not any(isfinite(o.margins.stall_rad) for o in flies)
+    for output in flies:
+        turning = -0.5 * aero.Cm_q * aero.chord_m * max(0.0, output.vehicle.pitch_rate_radps)
+        most = held + turning / (9.0 * aero.Cm_elevator)  # the best glide is at 9.25 m/s
+        assert output.command.elevator <= most

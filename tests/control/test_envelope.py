@@ -58,6 +58,8 @@ LIMITS = EnvelopeLimits(
     clearance_min_m=0.5,
     glide_pitch_rad=-0.0625,
     brake_throw=0.0,
+    elevator_room=inf,
+    elevator_per_radps=0.0,
 )
 DT = 0.005
 MOST = 20.0 * DT
@@ -287,7 +289,7 @@ def test_at_the_limit_the_elevator_stands_no_further_up_than_its_trim(
 ) -> None:
     margin = stall_margin(LIMITS, alpha, speed)
     trim = 0.1
-    up = elevator_limit(LIMITS, trim, margin)
+    up = elevator_limit(LIMITS, trim, margin, 0.0)
     assert trim <= up <= 0.8
     given_ = envelope.limit_surfaces(LIMITS, last, wanted, up, 1.0, True, dt).command.elevator
     if alpha >= 0.25 or speed <= 6.0:
@@ -297,19 +299,44 @@ def test_at_the_limit_the_elevator_stands_no_further_up_than_its_trim(
     assert given_ <= wanted.elevator
 
 
+ROOM = LIMITS._replace(elevator_room=0.25, elevator_per_radps=0.2)
+
+
+@pytest.mark.parametrize(
+    ("limits", "trim", "margin", "rate_radps", "most"),
+    [
+        (ROOM, 0.1, inf, 0.0, 0.35),  # far from the stall as far as anybody knows: not all of it
+        (ROOM, -0.2, inf, 0.0, 0.05),  # from the trim on
+        (ROOM, 0.1, inf, 0.5, 0.45),  # a nose that comes up needs more for that alone
+        (ROOM, 0.1, inf, -0.5, 0.35),  # one that falls needs as much as one at rest
+        (ROOM, 0.1, inf, nan, 0.35),
+        (ROOM, 0.7, inf, 0.0, 0.8),  # never beyond the travel
+        (ROOM, 0.1, inf, 9.0, 0.8),
+        (ROOM, 0.1, 0.5 * MARGIN_FULL, 0.0, 0.35),  # near the stall half of the travel is less, …
+        (ROOM, 0.1, 0.25 * MARGIN_FULL, 0.0, 0.275),  # … or it is not
+        (ROOM, 0.1, -1.0, 0.5, 0.1),  # beyond, nothing
+        (LIMITS, 0.1, inf, 0.5, 0.8),  # of an aircraft that nobody knows: all of it
+    ],
+)
+def test_the_elevator_goes_no_further_than_what_holds_the_stall(
+    limits: EnvelopeLimits, trim: float, margin: float, rate_radps: float, most: float
+) -> None:
+    assert elevator_limit(limits, trim, margin, rate_radps) == pytest.approx(most)
+
+
 def test_the_elevators_limit_is_met_on_its_boundaries() -> None:
     below, full, above = around(MARGIN_FULL)
-    assert elevator_limit(LIMITS, 0.1, below) <= 0.8
-    assert elevator_limit(LIMITS, 0.1, below) == pytest.approx(0.8)
-    assert elevator_limit(LIMITS, 0.1, full) == 0.8
-    assert elevator_limit(LIMITS, 0.1, above) == 0.8
+    assert elevator_limit(LIMITS, 0.1, below, 0.0) <= 0.8
+    assert elevator_limit(LIMITS, 0.1, below, 0.0) == pytest.approx(0.8)
+    assert elevator_limit(LIMITS, 0.1, full, 0.0) == 0.8
+    assert elevator_limit(LIMITS, 0.1, above, 0.0) == 0.8
     trim = next(k / 1000 for k in range(-800, 800) if k / 1000 + (0.8 - k / 1000) != 0.8)
-    assert elevator_limit(LIMITS, trim, full) == 0.8  # with no rounding
-    assert elevator_limit(LIMITS, 0.1, inf) == 0.8
-    assert elevator_limit(LIMITS, 0.1, 0.5 * MARGIN_FULL) == pytest.approx(0.45)
+    assert elevator_limit(LIMITS, trim, full, 0.0) == 0.8  # with no rounding
+    assert elevator_limit(LIMITS, 0.1, inf, 0.0) == 0.8
+    assert elevator_limit(LIMITS, 0.1, 0.5 * MARGIN_FULL, 0.0) == pytest.approx(0.45)
     for margin in (0.0, nextafter(0.0, -inf), -1.0, -inf):
-        assert elevator_limit(LIMITS, 0.1, margin) == 0.1
-    assert 0.1 < elevator_limit(LIMITS, 0.1, 1e-9) < 0.11
+        assert elevator_limit(LIMITS, 0.1, margin, 0.0) == 0.1
+    assert 0.1 < elevator_limit(LIMITS, 0.1, 1e-9, 0.0) < 0.11
 
 
 def test_the_elevator_that_is_held_down_tells_the_loops_before_it() -> None:
@@ -359,10 +386,10 @@ def test_the_margins_are_those_that_the_parameters_name() -> None:
     assert is_air_safe(LIMITS, stall_margin(LIMITS, 0.25 + 0.0499, nan), 0.0)
     assert not is_air_safe(LIMITS, stall_margin(LIMITS, nan, 4.99), 0.0)
     assert is_air_safe(LIMITS, stall_margin(LIMITS, nan, 5.01), 0.0)
-    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, 0.25 - 0.0501, nan)) == 0.8
-    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, 0.25 - 0.0499, nan)) < 0.8
-    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, nan, 6.99)) < 0.8
-    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, nan, 7.01)) == 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, 0.25 - 0.0501, nan), 0.0) == 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, 0.25 - 0.0499, nan), 0.0) < 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, nan, 6.99), 0.0) < 0.8
+    assert elevator_limit(LIMITS, 0.0, stall_margin(LIMITS, nan, 7.01), 0.0) == 0.8
     assert is_clear(LIMITS, 0.0, 0.0, 0.6501)
     assert not is_clear(LIMITS, 0.0, 0.0, 0.6499)
 

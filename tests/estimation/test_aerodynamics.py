@@ -5,7 +5,8 @@ Derivatives are differences, and a steady glide is one in which the forces add u
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, isfinite, isnan, log, nan, sin
+from math import atan2, cos, hypot, inf, isfinite, isnan, log, nan, sin
+from typing import Any
 
 import pytest
 from scipy.optimize import brentq
@@ -13,6 +14,8 @@ from scipy.optimize import brentq
 from tgl_soar.estimation.aerodynamics import (
     brake_sink,
     braked,
+    elevator_of_rate,
+    elevator_room,
     glide_pitch,
     lift_drag,
     trim_alpha,
@@ -131,3 +134,84 @@ def test_outside_its_polar_no_glide_is_known() -> None:
         assert isnan(glide_pitch(PLANE, speed_mps))
     for speed_mps in (6.1, 13.9):
         assert not isnan(glide_pitch(PLANE, speed_mps))
+
+
+# --- how much elevator there is to be given -------------------------------------------------------
+
+LARGEST = 0.24  # rad: beyond it the wing is stalled
+BEYOND = 0.14  # 8 degrees, by which the file may err, and to turn a nose around
+
+
+@pytest.mark.parametrize("trim", [-0.3, 0.0])
+def test_the_elevator_has_room_until_its_moment_holds_more_than_the_stall(trim: float) -> None:
+    held = trim + elevator_room(PLANE, LARGEST, trim)
+    assert trim_alpha(PLANE, held, 0.0, 9.0) == pytest.approx(LARGEST + BEYOND)
+
+
+def best_glide_alpha(plane: Aerodynamics) -> float:
+    """Where the lift to drag is largest, sought on the lift curve below the stall."""
+    slope = plane.CL_alpha
+
+    def ratio(alpha: float) -> float:
+        lift = plane.CL0 + slope * alpha
+        return lift / (plane.CD0 + plane.CD_lift * lift * lift)
+
+    return max((0.0001 * k for k in range(-1000, 5000)), key=ratio)
+
+
+def test_a_trim_that_the_files_moments_do_not_explain_keeps_the_room_from_the_glide_on() -> None:
+    """A linkage that stands off by a third: the glide takes that, and slow flight as much more."""
+    trim = 0.35
+    room = elevator_room(PLANE, LARGEST, trim)
+    needed = brentq(
+        lambda more: trim_alpha(PLANE, more, 0.0, 9.0) - trim_alpha(PLANE, 0.0, 0.0, 9.0)
+        - (LARGEST + BEYOND - best_glide_alpha(PLANE)), -5.0, 5.0,
+    )  # fmt: skip
+    assert room == pytest.approx(needed, abs=1e-3)
+
+
+def test_there_is_room_for_the_stall_whatever_drag_the_file_has() -> None:
+    draggy = PLANE._replace(CD0=2.0)  # whose best glide would be far beyond the stall
+    assert elevator_room(draggy, LARGEST, 5.0) == pytest.approx(BEYOND * 0.7 / 0.6)
+
+
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        {"Cm_alpha": 0.0},
+        {"Cm_alpha": nan},
+        {"Cm_elevator": 0.0},
+        {"Cm_elevator": nan},
+        {"CL_alpha": 0.0},
+        {"CD_lift": 0.0},
+        {"CD0": -0.1},
+        {"CD0": nan},
+    ],
+)
+def test_nothing_is_kept_from_an_aircraft_that_nobody_knows(unknown: dict[str, Any]) -> None:
+    assert elevator_room(PLANE._replace(**unknown), LARGEST, 0.0) == inf
+
+
+@pytest.mark.parametrize("rate_radps", [0.2, 1.0])
+def test_a_nose_that_turns_needs_what_its_damping_takes(rate_radps: float) -> None:
+    more = elevator_of_rate(PLANE, 9.0) * rate_radps
+    assert more > 0.0
+    assert trim_alpha(PLANE, 0.1 + more, rate_radps, 9.0) == pytest.approx(
+        trim_alpha(PLANE, 0.1, 0.0, 9.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("plane", "airspeed_mps"),
+    [
+        (PLANE, 0.0),
+        (PLANE, nan),
+        (PLANE._replace(Cm_elevator=0.0), 9.0),
+        (PLANE._replace(Cm_q=nan), 9.0),
+        (PLANE._replace(Cm_q=1.0), 9.0),
+    ],
+)
+def test_what_is_not_known_of_turning_adds_nothing(
+    plane: Aerodynamics, airspeed_mps: float
+) -> None:
+    assert elevator_of_rate(plane, airspeed_mps) == 0.0

@@ -263,6 +263,8 @@ def test_a_command_that_is_not_a_number_is_judged_alike() -> None:
         clearance_min_m=0.0,
         glide_pitch_rad=-0.05,
         brake_throw=0.0,
+        elevator_room=inf,
+        elevator_per_radps=0.0,
     )
     last = SurfaceCommand(0.1, -0.2, 0.3, 0.4)
     for value in (nan, inf, -inf, 0.5, -2.0):

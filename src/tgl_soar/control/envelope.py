@@ -17,7 +17,15 @@ Against the stall, with the angle of attack alpha and the airspeed V where they 
     elevator <= trim + (travel - trim) margin / MARGIN_FULL     between trim and travel
 
 so that at the limit the elevator stands no further up than its trim.  What is not known does
-not limit.  Sinking fast, or so that the least clearance is reached within LOW_AHEAD_S, the pitch
+not limit.  Whatever is known of the air, the travel ends where the elevator would hold, at the
+nose's present rate q > 0, 8 degrees more than alpha_max (`estimation.aerodynamics`):
+
+    travel = trim + room + q per_rate
+
+An aircraft that has stalled, and falls away from its line, asks for all of the elevator.  It must
+not get it: what has just regained its flow would be pulled into the next stall.
+
+Sinking fast, or so that the least clearance is reached within LOW_AHEAD_S, the pitch
 setpoint is below neither that of the best glide nor the one that holds the line undisturbed,
 whichever is lower: there is nothing to be won by diving.  In fast air, or with a biased attitude,
 the second is the lower one, and an aircraft that could not fly it would drift onto the slope; and
@@ -41,7 +49,7 @@ from typing import Final, NamedTuple
 from tgl_soar.types import INFINITE, Ground, SurfaceCommand, ground_segment, isfinite
 
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
-MARGIN_FULL: Final = 0.05  # rad; from here on all of the elevator may be used
+MARGIN_FULL: Final = 0.05  # rad; from here on the elevator may be used
 STALL_BEYOND: Final = 0.05  # rad (or 1 m/s) beyond the limit: it does not hold, a stall
 LOW_FACTOR: Final = 2.0  # of the least clearance: further up nothing is low
 # 6 degrees, from a deep stall to an attached flow, where gusts seldom put an aircraft: 5 cm behind.
@@ -87,6 +95,8 @@ class EnvelopeLimits(NamedTuple):
     clearance_min_m: float
     glide_pitch_rad: float
     brake_throw: float  # of each aileron's that all of the brake takes; 0: a surface of its own
+    elevator_room: float  # above its trim; inf: not known
+    elevator_per_radps: float  # more, for a nose that comes up
 
 
 class Fence(NamedTuple):
@@ -179,12 +189,16 @@ def is_low(limits: EnvelopeLimits, climb_mps: float, clearance_m: float) -> bool
     )
 
 
-def elevator_limit(limits: EnvelopeLimits, trim: float, margin_rad: float) -> float:
+def elevator_limit(
+    limits: EnvelopeLimits, trim: float, margin_rad: float, pitch_rate_radps: float
+) -> float:
     """The furthest that the elevator may go up."""
+    turning = limits.elevator_per_radps * max(0.0, pitch_rate_radps)  # in this order: 0 for NaN
+    most = min(limits.deflection_max, trim + limits.elevator_room + turning)
     if margin_rad >= MARGIN_FULL:
-        return limits.deflection_max
+        return most
     fraction = max(0.0, margin_rad / MARGIN_FULL)
-    return trim + (limits.deflection_max - trim) * fraction
+    return min(most, trim + (limits.deflection_max - trim) * fraction)
 
 
 def limit_surfaces(

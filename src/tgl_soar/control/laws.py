@@ -24,7 +24,7 @@ from tgl_soar.control.ridge_beat import BeatParams
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.control.throttle import ThrottleParams
-from tgl_soar.estimation.aerodynamics import brake_sink
+from tgl_soar.estimation.aerodynamics import brake_sink, elevator_of_rate, elevator_room
 from tgl_soar.estimation.cross_wind import CrossWindParams
 from tgl_soar.estimation.ground_range import RangeGains
 from tgl_soar.estimation.health import HealthLimits
@@ -141,7 +141,7 @@ def laws_from(
         bank=BankGains(values["BANK_P"], radians(values["BANK_MAX"])),
         sideways=_sideways_gains(values),
         lateral_schedule=lateral,
-        envelope=_envelope_limits(values, aerodynamics.brake_throw),
+        envelope=_envelope_limits(values, aerodynamics),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"], 0.0),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
         cross_wind=CrossWindParams(radians(values["VEER_MAX"]), values["VEER_T"]),
@@ -266,16 +266,19 @@ def _supervisor_limits(values: ParameterSet) -> SupervisorLimits:
     )
 
 
-def _envelope_limits(values: ParameterSet, brake_throw: float) -> EnvelopeLimits:
+def _envelope_limits(values: ParameterSet, aero: Aerodynamics) -> EnvelopeLimits:
+    alpha_max_rad = radians(values["ALPHA_MAX"])
     return EnvelopeLimits(
         deflection_max=values["SURF_MAX"],
         rate_max_per_s=values["SURF_RATE"],
-        alpha_max_rad=radians(values["ALPHA_MAX"]),
+        alpha_max_rad=alpha_max_rad,
         speed_min_mps=values["SPEED_MIN"],
         sink_max_mps=values["SINK_MAX"],
         clearance_min_m=values["CLEAR_MIN"],
         glide_pitch_rad=radians(values["REC_PITCH"]),
-        brake_throw=brake_throw,
+        brake_throw=aero.brake_throw,
+        elevator_room=elevator_room(aero, alpha_max_rad, values["ELE_TRIM"]),
+        elevator_per_radps=elevator_of_rate(aero, values["DYN_BEST"]),
     )
 
 

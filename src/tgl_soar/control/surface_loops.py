@@ -203,7 +203,7 @@ def surfaces_step(
         laws.envelope,
         state.limited.command,
         wanted,
-        elevator_limit(laws.envelope, trim.elevator, stall_rad),
+        elevator_limit(laws.envelope, trim.elevator, stall_rad, vehicle.pitch_rate_radps),
         brake_max,
         True,
         dt_s,

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, log1p, sin
+from math import atan2, cos, exp, log1p, sin, sqrt
+from typing import Final
 
-from tgl_soar.types import NAN, Aerodynamics, isfinite, polar_sink
+from tgl_soar.types import INFINITE, NAN, Aerodynamics, isfinite, polar_sink
+
+# 8 degrees: three times the 0.02 rad that a trim is known to (the centre of gravity, as in
+# `estimation.wind`), 0.04 for a moment's slope that is off by a fifth, and as much again to turn a
+# nose around that falls.  Without that last part (0.09) one flight in a hundred more was lost.
+HELD_BEYOND_RAD: Final = 0.14
 
 
 def lift_drag(
@@ -29,6 +35,30 @@ def trim_alpha(
     """Angle of attack [rad] at which the pitching moment vanishes."""
     damping = 0.5 * aero.Cm_q * aero.chord_m * pitch_rate_radps / airspeed_mps
     return -(aero.Cm0 + aero.Cm_elevator * elevator + damping) / aero.Cm_alpha
+
+
+def elevator_room(aero: Aerodynamics, alpha_max_rad: float, trim: float) -> float:
+    """How far above its trim the elevator holds HELD_BEYOND_RAD more than the largest angle of
+    attack; inf: not known.
+
+    By the moments of the file, or from the best glide's angle, which the trim is for: whichever is
+    more.  Where one of them is wrong the aircraft can still fly as slowly as it ever could.
+    """
+    known = aero.Cm_alpha < 0.0 and aero.Cm_elevator > 0.0 and aero.CL_alpha > 0.0
+    if not (known and aero.CD0 >= 0.0 and aero.CD_lift > 0.0):
+        return INFINITE
+    held = alpha_max_rad + HELD_BEYOND_RAD
+    by_moments = -(aero.Cm0 + aero.Cm_alpha * held) / aero.Cm_elevator - trim
+    best = (sqrt(aero.CD0 / aero.CD_lift) - aero.CL0) / aero.CL_alpha
+    from_glide = -aero.Cm_alpha / aero.Cm_elevator * (held - min(best, alpha_max_rad))
+    return max(by_moments, from_glide)
+
+
+def elevator_of_rate(aero: Aerodynamics, airspeed_mps: float) -> float:
+    """The elevator that keeps a nose turning, for each rad/s [s]; 0: not known."""
+    if not (aero.Cm_elevator > 0.0 and airspeed_mps > 0.0 and aero.Cm_q <= 0.0):
+        return 0.0
+    return -0.5 * aero.Cm_q * aero.chord_m / (airspeed_mps * aero.Cm_elevator)
 
 
 def braked(aero: Aerodynamics, brake: float) -> Aerodynamics:
