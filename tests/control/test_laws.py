@@ -7,14 +7,16 @@ states: degrees to radians, hertz to rad/s.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import cos, isnan, pi, radians, sin
+from math import cos, inf, isnan, pi, radians, sin
 from operator import attrgetter
 
 import pytest
 
+from tgl_soar.config.files import airframe_file, load_airframe
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.control import landing, laws
 from tgl_soar.control.laws import Laws, dynamics_of, fence_of, late_by_s, laws_from
+from tgl_soar.estimation.aerodynamics import elevator_of_rate, elevator_room
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import (
     NO_AERODYNAMICS,
@@ -214,8 +216,26 @@ def test_the_places_are_all_that_a_law_has_but_for_what_is_reckoned() -> None:
     fields = {
         f"{group}.{field}" for group in groups for field in getattr(laws_with(), group)._fields
     }
-    # One says whether there is an IMU at all, the other is the airframe's.
-    assert fields - listed == {"motion.use_imu", "envelope.brake_throw"}
+    # One says whether there is an IMU at all, the others are the airframe's.
+    of_the_airframe = {f"envelope.{n}" for n in ("brake_throw", *ELEVATORS)}
+    assert fields - listed == {"motion.use_imu", *of_the_airframe}
+
+
+ELEVATORS = ("elevator_room", "elevator_per_radps")
+
+
+def test_how_far_the_elevator_may_go_follows_from_the_airframe_its_trim_and_the_stall() -> None:
+    airframe = load_airframe(airframe_file("eclipson_c"))
+    aero, own = airframe.aerodynamics(), airframe.all_parameters()
+    names = {name: own[name] for name in ("ALPHA_MAX", "DYN_BEST")}
+    for changes in (names, names | {"ALPHA_MAX": 9.0}, names | {"ELE_TRIM": -0.4}):
+        found, trim = laws_of(changes, aero).envelope, changes.get("ELE_TRIM", 0.0)
+        alpha = radians(changes["ALPHA_MAX"])
+        assert found.elevator_room == pytest.approx(elevator_room(aero, alpha, trim), rel=1e-5)
+    assert laws_of(names, aero).envelope.elevator_per_radps == pytest.approx(
+        elevator_of_rate(aero, own["DYN_BEST"]), rel=1e-5
+    )
+    assert laws_with().envelope.elevator_room == inf  # of an aircraft that nobody knows
 
 
 # --- travels ------------------------------------------------------------------------------------
