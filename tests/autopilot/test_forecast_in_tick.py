@@ -84,7 +84,10 @@ NOWHERE = "disengaged: no place to settle on this line"
 def test_a_line_without_a_crossing_ends_in_the_pilots_hands_with_height_to_land(
     site: str, x_m: float, z_m: float, wind: float, duration_s: float
 ) -> None:
-    flight, left_m, least_m = flown(site, x_m, z_m, duration_s, wind=wind, FC_ACT=f.DISENGAGE_EARLY)
+    """Far upstream of the hill it falls behind its line as fast, which is not what is asked for."""
+    flight, left_m, least_m = flown(
+        site, x_m, z_m, duration_s, wind=wind, FC_ACT=f.DISENGAGE_EARLY, CAPTURE_MAX=10.0
+    )
     assert flight.ended == NOWHERE
     assert left_m > least_m
 

@@ -49,7 +49,7 @@ from typing import Final, NamedTuple
 from tgl_soar.types import INFINITE, Ground, SurfaceCommand, ground_segment, isfinite
 
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
-MARGIN_FULL: Final = 0.05  # rad; from here on the elevator may be used
+MARGIN_FULL: Final = 0.05  # rad; from here on it takes nothing of the elevator
 STALL_BEYOND: Final = 0.05  # rad (or 1 m/s) beyond the limit: it does not hold, a stall
 LOW_FACTOR: Final = 2.0  # of the least clearance: further up nothing is low
 # 6 degrees, from a deep stall to an attached flow, where gusts seldom put an aircraft: 5 cm behind.
