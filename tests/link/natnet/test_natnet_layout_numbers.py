@@ -139,7 +139,7 @@ def test_bodies_of_a_later_version_may_be_longer() -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "size"), [(2, 75), (2, 77), (3, 76), (-1, 76), (2, 10_000), (2, -1), (1, 0)]
+    ("count", "size"), [(2, 74), (2, 75), (2, 77), (3, 76), (-1, 76), (2, 10_000), (2, -1), (1, 0)]
 )
 def test_bodies_that_do_not_fill_their_section_evenly_are_refused(count: int, size: int) -> None:
     data = sized(body(3), body(WANTED), count=count, size=size)
@@ -230,14 +230,23 @@ def test_a_name_ends_within_256_bytes(letters: int, fits: bool) -> None:
             layout.frame_of(data, (3, 0), WANTED)
 
 
-@pytest.mark.parametrize("count", [-1, 10**9])
-def test_no_more_is_counted_than_there_are_bytes(count: int) -> None:
-    data = walked(sets=struct.pack("<i", count))
-    with pytest.raises(Malformed, match=f"{count} entries in"):
-        layout.frame_of(data, (3, 0), WANTED)
+def test_no_more_is_counted_than_there_are_bytes() -> None:
+    left = len(walked()) - 4 - 2 * 4  # behind the header, the frame's number and the count
+    for count in (-1, left + 1, 10**9):
+        data = walked(sets=struct.pack("<i", count))
+        with pytest.raises(Malformed, match=f"{count} entries in {left} bytes"):
+            layout.frame_of(data, (3, 0), WANTED)
     end = message(FRAME, struct.pack("<ii", 1, 3) + b"ab\0")  # as many as bytes: each could be one
     with pytest.raises(Malformed, match="it ends too early"):
         layout.frame_of(end, (3, 0), WANTED)
+
+
+def test_bodies_may_be_the_last_that_there_is() -> None:
+    whole = sized(body(3), body(WANTED))
+    behind = whole[: whole.index(body(WANTED)) + len(body(WANTED))]
+    assert [found.id for found in layout.bodies_of(behind, (4, 2))] == [3, WANTED]
+    with pytest.raises(Malformed, match="2 rigid bodies in 76 bytes"):
+        layout.bodies_of(behind[:-1], (4, 2))
 
 
 @pytest.mark.parametrize("version", [(3, 0), (4, 2)])
@@ -366,6 +375,9 @@ def test_the_other_questions_have_the_numbers_of_both_packaged_clients() -> None
         assert layout.message_of(layout.disconnect()) == client.NAT_DISCONNECT
         assert layout.message_of(layout.models_request()) == client.NAT_REQUEST_MODELDEF
         assert layout.message_of(layout.connect_request()) == client.NAT_CONNECT
+        assert layout.SERVER_INFO == client.NAT_SERVERINFO
+        assert (layout.MODELS, layout.FRAME) == (client.NAT_MODELDEF, client.NAT_FRAMEOFDATA)
+        assert layout.UNRECOGNIZED == client.NAT_UNRECOGNIZED_REQUEST
     assert [len(layout.keep_alive()), len(layout.disconnect())] == [4, 4]
     assert layout.models_request() == struct.pack("<HH", 4, 0)
     # A mask of kinds: bit 1 for rigid bodies, which are kind 1.
