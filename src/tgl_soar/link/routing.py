@@ -28,7 +28,7 @@ MAX_SENDERS: Final = 32  # remembered on each link
 # period of 5 ms.  It is 6 messages of a station in datagrams of their own, 1200 a second: many
 # times what a telemetry radio or a bridge of a tracking system brings.
 TRIES: Final = 100
-READ_TRIES: Final = 8  # to read once from a link: `open_link.STRANGERS` datagrams at most
+READ_TRIES: Final = 8  # to read once from a link: `transports.udp.STRANGERS` datagrams at most
 
 Send: TypeAlias = Callable[[bytes], bool]
 
