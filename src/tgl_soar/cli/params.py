@@ -15,7 +15,7 @@ from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, Commands, console, er
 from tgl_soar.cli.params_page import page
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, gains_words, load_flight, preset_lines
-from tgl_soar.config.lateral_gains import lateral_gains
+from tgl_soar.config.lateral_gains import airframe_parameters
 from tgl_soar.config.line_changes import Presets, with_changes
 from tgl_soar.config.parameter_files import (
     Format,
@@ -110,7 +110,7 @@ class Beginning(NamedTuple):
             return "stored"
         if name in self.site.parameters:
             return "site"
-        of_airframe = {**lateral_gains(self.airframe), **self.airframe.all_parameters()}
+        of_airframe = airframe_parameters(self.airframe)
         if self.files[name] != self.defaults.changed(of_airframe)[name]:
             return "sought" if name in (*SHIPPED, *ANCHORS) else "site"
         return "airframe" if name in of_airframe else "default"

@@ -25,7 +25,7 @@ import msgspec
 from msgspec import Struct, inspect
 
 from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe, AutopilotLink
-from tgl_soar.config.lateral_gains import lateral_gains
+from tgl_soar.config.lateral_gains import airframe_parameters
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
 from tgl_soar.config.parameter_store import has_own_anchors
 from tgl_soar.config.parameters import (
@@ -271,7 +271,7 @@ def line_parameters(line: Line) -> dict[str, float]:
 def _checked_airframe(path: str | Path, airframe: Airframe) -> ParameterSet:
     """The defaults with all that an airframe file gives.  Errors: `ConfigError`."""
     try:
-        given = {**lateral_gains(airframe), **airframe.all_parameters()}
+        given = airframe_parameters(airframe)
     except ArithmeticError:
         reason = "a number is too small or too large for gains to be computed from it"
         raise ConfigError(f"{path}: [airframe], [model] or [polar]: {reason}") from None

@@ -116,6 +116,14 @@ def lateral_gains(airframe: Airframe) -> dict[str, float]:
     )
 
 
+def airframe_parameters(airframe: Airframe) -> dict[str, float]:
+    """All that an airframe file gives, and what follows from it; `[parameters]` come first.
+
+    Errors: ArithmeticError where a number is too small or too large to be computed with.
+    """
+    return {**lateral_gains(airframe), **airframe.all_parameters()}
+
+
 def _within_range(values: dict[str, float]) -> dict[str, float]:
     allowed = {name: PARAMETERS[INDEX[name]] for name in values}
     return {

@@ -28,7 +28,7 @@ from tgl_soar.analysis.tuning.aircraft import TICK_S, Drawn, Ranges, drawn_aircr
 from tgl_soar.autopilot import mode_name, reason_text
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import load_site
-from tgl_soar.config.lateral_gains import lateral_gains
+from tgl_soar.config.lateral_gains import airframe_parameters
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site, Start
 from tgl_soar.control.envelope import clearance, outside
@@ -302,11 +302,10 @@ def values_of(
     that was drawn; what the file gives in [parameters] is in `values`.  `seeks`: gains of pitch are
     sought for it, as for any other aircraft whose file has none of its own.
     """
-    own = drawn.known.all_parameters()
-    derived = {**lateral_gains(drawn.known), **own}
+    derived = airframe_parameters(drawn.known)
     known = {name: value for name, value in derived.items() if name not in drawn.known.parameters}
     model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
-    trim = degrees(glide_at(model, max(own["DYN_BEST"], _slowest(drawn))).pitch_rad)
+    trim = degrees(glide_at(model, max(derived["DYN_BEST"], _slowest(drawn))).pitch_rad)
     shift = trim - values["PITCH_TRIM"]
     flown = values.changed(
         {
