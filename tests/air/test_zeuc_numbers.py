@@ -431,6 +431,13 @@ def test_the_core_is_found_to_millimetres_between_the_nodes(x: float, z: float) 
     assert (best.wind_mps, best.updraft_mps) == pytest.approx((10.0, 3.0), abs=2e-5)
 
 
+def test_the_wind_of_a_core_and_of_a_crossing_is_the_whole_horizontal_one() -> None:
+    field = Made(lambda _x, _y, pz, _t: 1.0 - pz, u_mps=6.0, v_mps=8.0)
+    assert core(field, LEVEL, (-1.0, 1.0, 0.0, 4.0), 0.5).wind_mps == pytest.approx(10.0)
+    (met,) = crossings(field, LEVEL, 0.0, 0.0, UP, 4.0)
+    assert met.wind_mps == pytest.approx(10.0)
+
+
 @pytest.mark.parametrize(("dx", "dz"), [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_a_core_at_the_border_stays_within_it(dx: float, dz: float) -> None:
     best = core(plane(dx, dz), LEVEL, (-1.0, 2.0, -3.0, 4.0), 0.5)

@@ -6,12 +6,14 @@
 from __future__ import annotations
 
 from itertools import islice
+from random import Random
 
 import pytest
-from benchmarks.hostile import fire
+from benchmarks.hostile import Flown, fire
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.decoder import Decoder
-from tgl_soar.sim.hostile import HostileFrames
+from tgl_soar.sim.hostile import RECEIVED_NAMES, HostileFrames, hostile_message
 
 
 def test_the_supply_repeats_and_every_sort_of_frame_is_in_it() -> None:
@@ -44,3 +46,25 @@ def test_what_arrives_leaves_no_memory_behind() -> None:
     assert not fired.changed
     assert fired.still_flying
     assert fired.grown_bytes < 96 * 1024
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=LONG) for seed in range(2, 12))])
+def test_no_number_of_the_autopilot_itself_or_of_an_operator_raises_or_leaves_the_envelope(
+    seed: int,
+) -> None:
+    """Whole frames of all kinds that the module reads, of those that it listens to, with any
+    numbers: they may end the flight, in order."""
+    random = Random(seed)
+    flown = Flown()
+    senders = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
+    flying = 0
+    for _ in range(300):
+        for _ in range(random.randrange(3)):
+            message = hostile_message(random, random.choice(RECEIVED_NAMES))
+            flown.onboard.event(bytes(message.pack(random.choice(senders))), flown.now_s)
+        flown.tick()
+        output = flown.onboard.output
+        assert output is not None
+        assert all(abs(value) <= 1.0 for value in output.command)  # NaN: not <= 1
+        flying += output.active
+    assert flying

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.link.hot_frames import READERS
+from tgl_soar.link.inbound_messages import INBOUND
 from tgl_soar.sim.hostile import RECEIVED_NAMES, HostileFrames, hostile_message
 
 V1, V2 = 0xFE, 0xFD
@@ -126,6 +128,11 @@ def test_all_that_asks_or_tells_is_sent_in_the_name_of_others() -> None:
     assert names >= {"heartbeat", "sys_status", "statustext", "timesync", "command_ack"}
     assert names >= {"command_long", "command_int", "setup_signing", "mission_item_int"}
     assert names >= {"param_request_read", "param_set", "param_value", "file_transfer_protocol"}
+
+
+def test_whatever_the_module_reads_is_sent_in_the_name_of_others() -> None:
+    read = {mavlink.mavlink_map[number].msgname.lower() for number in (*READERS, *INBOUND)}
+    assert read <= set(RECEIVED_NAMES)
 
 
 # --- whole frames --------------------------------------------------------------------------------

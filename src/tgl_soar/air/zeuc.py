@@ -55,7 +55,7 @@ class Crossing(NamedTuple):
 
     x_m: float
     z_m: float
-    wind_mps: float  # U there
+    wind_mps: float  # horizontal
     updraft_mps: float  # w there
     excess_slope_per_s: float  # dE/ds going up the line [m/s per m]
     stable: bool
@@ -66,7 +66,7 @@ class Core(NamedTuple):
 
     x_m: float
     z_m: float
-    wind_mps: float
+    wind_mps: float  # horizontal
     updraft_mps: float
     excess_mps: float
 
@@ -482,5 +482,5 @@ def core(
                 best_x, best_z, best, moved = px, pz, value, True
         if not moved:
             span *= 0.5
-    u, _, w = field.wind_at(best_x, y_m, best_z, time_s)
-    return Core(x_m=best_x, z_m=best_z, wind_mps=u, updraft_mps=w, excess_mps=best)
+    u, v, w = field.wind_at(best_x, y_m, best_z, time_s)
+    return Core(x_m=best_x, z_m=best_z, wind_mps=hypot(u, v), updraft_mps=w, excess_mps=best)

@@ -127,13 +127,13 @@ def test_trailing_zeros_that_were_not_sent_and_arrays_and_texts_are_read() -> No
 
 
 def test_bytes_between_frames_are_counted_and_the_next_frame_is_found() -> None:
-    """With the frame before them, which no other follows as it should."""
+    """The frame before them is kept, as its checksum is right."""
     rows = frames([(0.1 * i, PILOT, attitude(roll=float(i))) for i in range(4)])
     rubbish = b"\x00" * 29
     log = Tlog(PATH, rows[0] + rows[1] + rubbish + rows[2] + rows[3])
-    assert log.kinds["ATTITUDE"].columns["roll"].tolist() == [0.0, 2.0, 3.0]
-    whole, lost = sum(map(len, rows)) + len(rubbish), len(rows[1]) + len(rubbish)
-    assert log.lost == [f"{lost} of {whole} bytes belong to no whole frame"]
+    assert log.kinds["ATTITUDE"].columns["roll"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    whole = sum(map(len, rows)) + len(rubbish)
+    assert log.lost == [f"{len(rubbish)} of {whole} bytes belong to no whole frame"]
 
 
 def test_a_frame_that_the_end_cuts_off_is_skipped_whole() -> None:

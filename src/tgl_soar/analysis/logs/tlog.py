@@ -189,7 +189,9 @@ def _split(data: bytes) -> tuple[_Frames, int]:
         stamp = int.from_bytes(data[at:head], "big")
         length = _frame_length(data, head)
         after = head + length
-        whole = length and after <= end and (after == end or _begins(data, after + STAMP))
+        whole = length and after <= end
+        if whole and after < end and not _begins(data, after + STAMP):
+            whole = _is_right(data, head)  # the last before damage
         if whole and last_us and abs(stamp - last_us) > 4000 * _DAY_US:
             whole = _is_right(data, head)  # a recorder's clock may be set in flight
         if not whole:
