@@ -72,7 +72,6 @@ class HostileFrames:
         self._random = Random(f"{seed}/hostile")
         self._own = system
         self._codec = mavlink.MAVLink(None)
-        self._pool: list[bytes] = []
 
     def __iter__(self) -> Iterator[bytes]:
         while True:

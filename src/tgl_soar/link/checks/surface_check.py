@@ -86,7 +86,6 @@ class SurfaceCheck:
         self.stops: list[Stop] = []
         self._channels = channels
         self._flavour = flavour
-        self._deflection = deflection
         self._hold_s = hold_s
         self._armed_on_ground = armed_on_ground
         self._heartbeat: Heartbeat | None = None
