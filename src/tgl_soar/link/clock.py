@@ -357,11 +357,13 @@ class StampedStreams:
         is_apart = late_s < -LAG_S or late_s > HELD_S
         if is_apart:
             self.refused += 1
-            self._report(stream, -late_s)
-        if stream.map.offset_s != stream.map.offset_s:
-            return REFUSED  # a new stream cannot say that all others are wrong
-        if self._takes_over(stream, late_s, now_s):
+        is_new = stream.map.offset_s != stream.map.offset_s
+        if not is_new and self._takes_over(stream, late_s, now_s):
             return ANOTHER
+        if is_apart:
+            self._report(stream, -late_s)
+        if is_new:
+            return REFUSED  # it cannot say that all others are wrong
         lasts = now_s - suspect.since_s >= CONTEST_S and now_s - stream.fitted_s <= GAP_S
         if lasts and is_apart and stream.is_proven:
             stream.contested_s = now_s + CALM_S
