@@ -57,6 +57,7 @@ from tgl_soar.control.surface_loops import (
     LoopsState,
     bank_step,
     line_gains,
+    loops_begun,
     scheduled_gains,
     surface_gains,
     surfaces_step,
@@ -221,7 +222,13 @@ def initial_state() -> AutopilotState:
         soaring=SoaringState(_AT_REST, 0.0, 0),
         heading_setpoint_rad=0.0,
         sideways=_AT_REST,
-        loops=LoopsState(_AT_REST, _AT_REST, _AT_REST, unlimited(_NEUTRAL)),
+        loops=LoopsState(
+            pitch=_AT_REST,
+            roll=_AT_REST,
+            heading=_AT_REST,
+            limited=unlimited(_NEUTRAL),
+            pitch_setpoint_rad=NAN,
+        ),
         excitation=at_rest(IDLE),
         forecast=initial_forecast(),
         brake=NO_POINT,
@@ -348,12 +355,7 @@ def _engaged(laws: Laws, state: AutopilotState, estimates: Estimates) -> Autopil
     return state._replace(
         heading_setpoint_rad=heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m),
         sideways=_AT_REST,
-        loops=LoopsState(
-            PidState(0.0, -vehicle.pitch_rate_radps),
-            PidState(0.0, -vehicle.roll_rate_radps),
-            PidState(0.0, -vehicle.heading_rate_radps),
-            unlimited(laws.trim),
-        ),
+        loops=loops_begun(unlimited(laws.trim), vehicle),
     )
 
 

@@ -49,6 +49,7 @@ PLACES = {
     "ELE_P_IMU": "pitch_imu.kp",
     "ELE_I_IMU": "pitch_imu.ki",
     "ELE_D_IMU": "pitch_imu.kd",
+    "ELE_DSP_IMU": "setpoint_weight",
     "ELE_TRIM": "trim.elevator",
     "AIL_P": "roll.kp",
     "AIL_I": "roll.ki",

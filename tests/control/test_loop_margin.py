@@ -69,9 +69,12 @@ def test_a_margin_is_of_an_airframe_of_which_all_is_known(changes: dict[str, flo
 
 @pytest.mark.parametrize("inertial", [True, False])
 @pytest.mark.parametrize("delay_s", [0.005, 0.0245, 0.04])
-def test_the_rule_agrees_with_the_linear_model(inertial: bool, delay_s: float) -> None:
+@pytest.mark.parametrize("weight", [0.0, 0.75])
+def test_the_rule_agrees_with_the_linear_model(
+    inertial: bool, delay_s: float, weight: float
+) -> None:
     """Within 0.03; what a file errs by takes more (1 dB of the elevator's effect takes 0.1)."""
-    values = shipped_values().changed({"CMD_DELAY": delay_s})
+    values = shipped_values().changed({"CMD_DELAY": delay_s, "ELE_DSP_IMU": weight})
     for speed in (8.5, 12.0, 14.0):
         for lean in (5.0, 15.0, 45.0):
             rule, model = both(values, speed, lean, inertial)

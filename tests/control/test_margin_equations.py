@@ -158,6 +158,7 @@ PITCH = Flown(
     lift_mps2=-4.0,
     soaring=gains(0.08, 0.02, 0.06, 20.0),
     pitch=gains(0.8, 0.6, 0.08, 60.0),
+    setpoint_weight=0.0,
 )
 
 
@@ -197,10 +198,10 @@ def pitch_by_matrices(loop: Flown, radps: Numbers) -> float:
             (outer.kp + outer.ki / s) * (1.0 + s * old) * rate / s
             + outer.kd / (1.0 + s / outer.rate_filter_radps) * rate
         )
-        holds = (inner.kp + inner.ki / s) * (1.0 + s * late)
-        holds += inner.kd * s / (1.0 + s / inner.rate_filter_radps)
+        damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
+        holds = (inner.kp + inner.ki / s) * (1.0 + s * late) + damps
         held = surface * holds * np.exp(-s * late) * pitch
-        line = -surface * (inner.kp + inner.ki / s) * asked
+        line = -surface * (inner.kp + inner.ki / s + loop.setpoint_weight * damps) * asked
         return complex(1.0 / (1.0 + held + line)), complex((1.0 + held) / (1.0 + held + line))
 
     return min(nearest([sensitivity(1j * w) for w in radps]))
@@ -209,9 +210,14 @@ def pitch_by_matrices(loop: Flown, radps: Numbers) -> float:
 @pytest.mark.parametrize("inertial", [True, False])
 @pytest.mark.parametrize("speed_mps", [8.0, 9.5, 12.0])
 @pytest.mark.parametrize("lean_rad", [0.1, 0.4, 0.8])
-def test_pitch_and_the_line(inertial: bool, speed_mps: float, lean_rad: float) -> None:
+@pytest.mark.parametrize("weight", [0.0, 0.7])
+def test_pitch_and_the_line(
+    inertial: bool, speed_mps: float, lean_rad: float, weight: float
+) -> None:
     """On the frequencies of the rule the same; 2 % is what lies between them at the most."""
-    loop = PITCH._replace(inertial=inertial, speed_mps=speed_mps, lean_rad=lean_rad)
+    loop = PITCH._replace(
+        inertial=inertial, speed_mps=speed_mps, lean_rad=lean_rad, setpoint_weight=weight
+    )
     theirs = 0.25 * 1.115 ** np.arange(60)
     equations = pitch_by_matrices(loop, theirs)
     assert equations > 0.4

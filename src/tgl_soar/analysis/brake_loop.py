@@ -14,14 +14,14 @@ alpha of 0.67 and 0.83.
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, inf, sin
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.analysis.linear_plant import Condition, Matrix, differences
-from tgl_soar.control.attitude import attitude_step
+from tgl_soar.control.attitude import attitude_step, followed_rate
 from tgl_soar.control.gain_blend import pid_between, soaring_between
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState
@@ -36,7 +36,7 @@ from tgl_soar.types import SurfaceCommand, polar_slope
 
 FREQUENCIES_RADPS: Final = np.geomspace(0.05, 200.0, 400)
 _BODY: Final = 8  # x, z, vx, vz, pitch, pitch rate, elevator, brake
-_LAWS: Final = 4  # integral and rate of both laws of pitch
+_LAWS: Final = 5  # integral and rate of both laws of pitch, and the last setpoint
 _UNLIMITED: Final = 1e9
 
 
@@ -121,12 +121,14 @@ def _opened(laws: Laws, condition: Condition) -> _Opened:
     trim = glide_at(braked(condition.model, bias), condition.speed_mps)
     dt, eta = 1.0 / condition.step_hz, eta_from_lean(condition.lean_rad)
     waits = max(1, round(condition.command_delay_s / dt))
-    soaring, pitch = _gains(laws, condition)
+    inertial = _goes_by_accelerations(laws, condition)
+    soaring, pitch = _gains(laws, condition, inertial)
+    follows = laws.setpoint_weight if inertial else 0.0
     still = brake_effect(laws.brake, bias, condition.speed_mps)
 
     def tick(vector: Matrix) -> Matrix:
         x, z, vx, vz, angle, rate, elevator, brake = (float(v) for v in vector[:_BODY])
-        outer, outer_rate, inner, inner_rate = (float(v) for v in vector[_BODY : _BODY + _LAWS])
+        outer, outer_rate, inner, inner_rate, followed = map(float, vector[_BODY : _BODY + _LAWS])
         elevators = list(vector[_BODY + _LAWS : _BODY + _LAWS + waits])
         brakes = list(vector[_BODY + _LAWS + waits : _BODY + _LAWS + 2 * waits])
         command, moved = float(vector[-2]), float(vector[-1])
@@ -149,6 +151,7 @@ def _opened(laws: Laws, condition: Condition) -> _Opened:
             effect.elevator - still.elevator,
             dt,
             0,
+            followed_rate(follows, terms.output, followed, inf, dt),
         )
         servo = condition.servo
         elevator_next = servo_moved(
@@ -181,7 +184,7 @@ def _opened(laws: Laws, condition: Condition) -> _Opened:
                 *(after.x_m, after.z_m, after.velocity_x_mps, after.velocity_z_mps),
                 *(angle_next - trim.pitch_rad, after.pitch_rate_frd_radps),
                 *(elevator_next - trim.elevator, brake_next - bias),
-                *(line.pid.integral, line.pid.rate, law.integral, law.rate),
+                *(line.pid.integral, line.pid.rate, law.integral, law.rate, terms.output),
                 *(*elevators[1:], moved, *brakes[1:], command),
                 moves.output,
             ]
@@ -205,10 +208,14 @@ def _parts(jacobian: Matrix, size: int, eta_rad: float) -> _Opened:
     )
 
 
-def _gains(laws: Laws, condition: Condition) -> tuple[SoaringGains, PidGains]:
+def _goes_by_accelerations(laws: Laws, condition: Condition) -> bool:
+    return condition.sensors.imu is not None and laws.motion.use_imu
+
+
+def _gains(laws: Laws, condition: Condition, inertial: bool) -> tuple[SoaringGains, PidGains]:
     """Of the line and of pitch, as they are scheduled, without limits."""
     eta = eta_from_lean(condition.lean_rad)
-    weight = 1.0 if condition.sensors.imu is not None and laws.motion.use_imu else 0.0
+    weight = 1.0 if inertial else 0.0
     soaring = soaring_gains(
         soaring_between(laws.soaring, laws.soaring_imu, weight),
         laws.schedule,

@@ -11,12 +11,13 @@ delay of fixes then only makes them older, and is left out of them.
 from __future__ import annotations
 
 from functools import lru_cache
+from math import inf
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from tgl_soar.analysis.linear_plant import TRUTH, Condition, Matrix, Periodic
-from tgl_soar.control.attitude import attitude_step
+from tgl_soar.control.attitude import attitude_step, followed_rate
 from tgl_soar.control.gain_blend import pid_between, soaring_between
 from tgl_soar.control.laws import Laws
 from tgl_soar.control.pid import PidGains, PidState
@@ -35,7 +36,7 @@ from tgl_soar.sim.aircraft import glide_at
 from tgl_soar.sim.sensors import Sensors, SensorTiming, sensor_timing
 
 NOISES: Final = 5  # white: fix's place, fix's velocity, attitude, gyro, specific force
-_LAWS: Final = 4  # integral and rate of both
+_LAWS: Final = 5  # integral and rate of both, and the last setpoint
 
 
 class _PlaceEstimate(NamedTuple):
@@ -49,11 +50,12 @@ class _PlaceEstimate(NamedTuple):
 
 class _Controller(NamedTuple):
     """All that a tick needs.  Its states: attitudes on their way, fixes on theirs, the filter's
-    estimate (with accelerations: its error), the laws' integrals and rates."""
+    estimate (with accelerations: its error), the laws' integrals and rates, the last setpoint."""
 
     dt_s: float
     soaring: SoaringGains
     pitch: PidGains
+    setpoint_weight: float
     inertial: bool  # it goes by accelerations
     errors: bool  # with what noise makes of the estimate, where it is inertial
     late: int  # ticks, of the attitude
@@ -93,7 +95,7 @@ class _Controller(NamedTuple):
         place = (self._with_accelerations if self.inertial else self._fixed)(
             phase, remembered, delayed, truth, noises
         )
-        outer, outer_rate, inner, inner_rate = vector[size - _LAWS : size]
+        outer, outer_rate, inner, inner_rate, before = vector[size - _LAWS : size]
         soared, outer_terms = soaring_step(
             self.soaring,
             SoaringState(PidState(float(outer), float(outer_rate)), 0.0, 0),
@@ -103,22 +105,24 @@ class _Controller(NamedTuple):
             self.dt_s,
             0,
         )
+        setpoint_rad = outer_terms.output + float(injected)
         flown, inner_terms = attitude_step(
             self.pitch,
             PidState(float(inner), float(inner_rate)),
-            outer_terms.output + float(injected),
+            setpoint_rad,
             float(pitch_rad),
             float(rate_radps),
             0.0,
             self.dt_s,
             0,
+            followed_rate(self.setpoint_weight, setpoint_rad, float(before), inf, self.dt_s),
         )
         return np.concatenate(
             [
                 *after_line,
                 *place.fixes,
                 place.estimate,
-                [soared.pid.integral, soared.pid.rate, flown.integral, flown.rate],
+                [soared.pid.integral, soared.pid.rate, flown.integral, flown.rate, setpoint_rad],
                 [inner_terms.output, outer_terms.output],
             ]
         )
@@ -187,6 +191,7 @@ def _controller(laws: Laws, condition: Condition, errors: bool) -> _Controller:
         dt_s=dt,
         soaring=soaring,
         pitch=pitch,
+        setpoint_weight=laws.setpoint_weight if inertial else 0.0,
         inertial=inertial,
         errors=errors,
         late=late,

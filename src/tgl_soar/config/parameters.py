@@ -259,13 +259,16 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         meaning="ELE_D while the estimator uses accelerations; 0: ELE_D.",
     ),
     Parameter(
+        name="ELE_DSP_IMU", unit="", minimum=0, maximum=1, default=0.0,
+        meaning="Part of the setpoint's rate that ELE_D_IMU acts on; 1: eq. 16 as printed.",
+    ),
+    Parameter(
         name="ELE_D_FILT", unit="Hz", minimum=0.5, maximum=100, default=40.0,
         meaning="Cut-off frequency of the low-pass on the pitch rate.",
     ),
     Parameter(
         name="ELE_FREQ", unit="rad/s", minimum=1, maximum=60, default=11.5,
-        meaning="Undamped short-period frequency, at RHO_SPEED, of the airframe that the gains were"
-                " found on.",
+        meaning="Undamped short-period frequency, at RHO_SPEED, of the airframe of those gains.",
     ),
     Parameter(
         name="ELE_DAMP", unit="", minimum=0.1, maximum=2, default=0.75,
@@ -283,8 +286,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="ELE_LAG", unit="s", minimum=0, maximum=0.3, default=0.0185,
-        meaning="The part of ELE_LATE that is the servo's time constant: it delays the loop by"
-                " half as much as a pure delay of that length.",
+        meaning="The servo's time constant in ELE_LATE: it counts half of a delay of its length.",
     ),
     Parameter(
         name="ELE_TRIM", unit="", minimum=-1, maximum=1, default=0.0,

@@ -54,6 +54,7 @@ SHIPPED: Final[Mapping[str, float]] = MappingProxyType(
         "ELE_P_IMU": 11.0,
         "ELE_I_IMU": 6.0,
         "ELE_D_IMU": 0.70,
+        "ELE_DSP_IMU": 0.0,
     }
 )
 ALIKE: Final = 0.05  # an aircraft whose figures differ by no more is the one they were found on

@@ -53,7 +53,7 @@ from tgl_soar.control.ridge_beat import (
     is_wanted_back,
 )
 from tgl_soar.control.soaring import SoaringState, gliding_step
-from tgl_soar.control.surface_loops import LoopsState
+from tgl_soar.control.surface_loops import LoopsState, loops_begun
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.control.throttle import LOW_S
 from tgl_soar.control.wind_triangle import wind_speed
@@ -423,12 +423,7 @@ def _glide_setpoints(
 
 def loops_in_hand(loops: LoopsState, vehicle: VehicleState) -> LoopsState:
     """The surfaces' loops with nothing learnt: a hand is no disturbance to be trimmed out."""
-    return LoopsState(
-        PidState(0.0, -vehicle.pitch_rate_radps),
-        PidState(0.0, -vehicle.roll_rate_radps),
-        PidState(0.0, -vehicle.heading_rate_radps),
-        loops.limited,
-    )
+    return loops_begun(loops.limited, vehicle)
 
 
 def phase_report(state: LaunchLandingState) -> LaunchLandingReport:

@@ -70,6 +70,7 @@ class Laws(NamedTuple):
     soaring_imu: SoaringGains  # while accelerations are in use
     pitch: PidGains
     pitch_imu: PidGains
+    setpoint_weight: float  # of the pitch setpoint's rate in the derivative, with accelerations
     schedule: GainSchedule  # of these four
     roll: PidGains
     heading: HeadingGains
@@ -135,6 +136,7 @@ def laws_from(
         soaring_imu=soaring_imu,
         pitch=pitch,
         pitch_imu=_imu_gains(values, "ELE", pitch, 0.0),
+        setpoint_weight=values["ELE_DSP_IMU"],
         schedule=_schedule(values),
         roll=_surface_gains(values, "AIL"),
         heading=_heading_gains(values),

@@ -83,6 +83,7 @@ class Flown(NamedTuple):
     lift_mps2: float  # of a full deflection, at the airframe's speed_mps
     soaring: PidGains
     pitch: PidGains
+    setpoint_weight: float
 
 
 class LoopMargin(NamedTuple):
@@ -250,6 +251,7 @@ def flown(
         lift_mps2=values["DYN_LIFT"],
         soaring=soaring_gains(soaring, laws.schedule, weight, speed_mps, eta).pid,
         pitch=pitch_gains(pitch, laws.schedule, speed_mps),
+        setpoint_weight=laws.setpoint_weight if inertial else 0.0,
     )
 
 
@@ -284,12 +286,10 @@ def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
         )
     )
     error = inner.kp + inner.ki / s
+    damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
     attitude = exp(-s * late) * pitch
-    held = surface * (
-        error * (1.0 + s * late) * attitude
-        + inner.kd * s / (1.0 + s / inner.rate_filter_radps) * attitude
-    )
-    line = -surface * error * setpoint
+    held = surface * (error * (1.0 + s * late) + damps) * attitude
+    line = -surface * (error + loop.setpoint_weight * damps) * setpoint
     return held + line, line / (1.0 + held)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.control.attitude import attitude_step
+from tgl_soar.control.attitude import attitude_step, followed_rate
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
 from tgl_soar.control.gain_blend import pid_between, soaring_between
 from tgl_soar.control.heading import HeadingGains, heading_step, leading_speed, sideways_step
@@ -50,6 +50,18 @@ class LoopsState(NamedTuple):
     roll: PidState
     heading: PidState
     limited: Limited
+    pitch_setpoint_rad: float = NAN  # NaN: none was followed
+
+
+def loops_begun(limited: Limited, vehicle: VehicleState) -> LoopsState:
+    """The loops with nothing learnt; a derivative that begins at the present rate makes no step."""
+    return LoopsState(
+        pitch=PidState(0.0, -vehicle.pitch_rate_radps),
+        roll=PidState(0.0, -vehicle.roll_rate_radps),
+        heading=PidState(0.0, -vehicle.heading_rate_radps),
+        limited=limited,
+        pitch_setpoint_rad=NAN,
+    )
 
 
 class SurfaceGains(NamedTuple):
@@ -58,6 +70,7 @@ class SurfaceGains(NamedTuple):
     pitch: PidGains
     roll: PidGains
     heading: HeadingGains
+    setpoint_weight: float  # of the pitch setpoint's rate in the derivative
 
 
 class SurfaceTerms(NamedTuple):
@@ -94,6 +107,7 @@ def surface_gains(laws: Laws, imu_weight: float, airspeed_mps: float, age_s: flo
         ),
         roll_gains(laws.roll, lateral, bandwidth, airspeed_mps),
         heading_gains(laws.heading, lateral, bandwidth, airspeed_mps),
+        imu_weight * laws.setpoint_weight,
     )
 
 
@@ -164,7 +178,7 @@ def surfaces_step(
     trim = laws.trim
     if braked.elevator != 0.0:
         trim = trim._replace(elevator=trim.elevator + braked.elevator)
-    pitch, roll = state.pitch, state.roll
+    pitch, roll, followed_rad = state.pitch, state.roll, NAN
     elevator_terms = aileron_terms = NO_TERMS
     if laws.loops == OURS:
         pitch, elevator_terms = attitude_step(
@@ -176,7 +190,15 @@ def surfaces_step(
             trim.elevator,
             dt_s,
             state.limited.elevator_blocked,
+            followed_rate(
+                gains.setpoint_weight,
+                setpoints.pitch_rad,
+                state.pitch_setpoint_rad,
+                laws.soaring.slew_radps,
+                dt_s,
+            ),
         )
+        followed_rad = setpoints.pitch_rad
         roll, aileron_terms = attitude_step(
             gains.roll,
             state.roll,
@@ -210,7 +232,13 @@ def surfaces_step(
     )
     if laws.loops != OURS:
         limited = _left_to_firmware(limited, laws.loops, surfaces)
-    loops = LoopsState(pitch, roll, heading, limited)
+    loops = LoopsState(
+        pitch=pitch,
+        roll=roll,
+        heading=heading,
+        limited=limited,
+        pitch_setpoint_rad=followed_rad,
+    )
     return loops, SurfaceTerms(elevator_terms, aileron_terms, rudder_terms)
 
 
