@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgl_soar.analysis.experiments.flights import FlownScenario, Flyer, ScoredLeg
+from tgl_soar.analysis.experiments.result import Claim
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 
 UPRIGHT: Final = TargetLine(0.0, 1.0, eta_from_lean(0.0))
@@ -52,6 +53,11 @@ def flight(
     return FlownScenario(
         seed=seed, ended=ended, duration_s=until_s, legs=legs, path=calm | (path or {})
     )
+
+
+def signs(claims: Iterable[Claim]) -> str:
+    """Of each claim whether it holds: ✓, ✗, or ? where it is undecided."""
+    return "".join("?" if c.undecided else "✓" if c.holds else "✗" for c in claims)
 
 
 class Told(Flyer):

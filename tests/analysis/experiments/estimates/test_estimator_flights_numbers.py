@@ -349,7 +349,7 @@ def test_a_compiled_flight_is_of_its_own_seed_gains_and_changes(
 # --- comparisons --------------------------------------------------------------------------------
 
 
-def one(e_rho_m: float, ended: str = "", **more: float) -> Scored:
+def one(e_rho_m: float, ended: str = "", **more: Any) -> Scored:
     usual = Scored(
         duration_s=30.0,
         ended=ended,
