@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from math import cos, sin
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 
 from tgl_soar.analysis.experiments.flights import FlownScenario, Flyer, ScoredLeg
 from tgl_soar.analysis.experiments.result import Claim
+from tgl_soar.analysis.experiments.scenario import PreparedScenario
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
+from tgl_soar.types import polar_sink
 
 UPRIGHT: Final = TargetLine(0.0, 1.0, eta_from_lean(0.0))
 PLAIN: Final = ScoredLeg(
@@ -58,6 +61,24 @@ def flight(
 def signs(claims: Iterable[Claim]) -> str:
     """Of each claim whether it holds: ✓, ✗, or ? where it is undecided."""
     return "".join("?" if c.undecided else "✓" if c.holds else "✗" for c in claims)
+
+
+def crossing_along(prepared: PreparedScenario, line: str, time_s: float) -> float:
+    """Where excess updraft falls through zero along a line [m], up from its point, by halving."""
+    target = prepared.lines[line].target
+    c, s = cos(target.eta_rad), sin(target.eta_rad)
+
+    def excess(along: float) -> float:
+        x, z = target.x_m + c * along, target.z_m + s * along
+        u, _, w = prepared.field.wind(np.array([x]), 0.0, np.array([z]), time_s)
+        return float(w[0]) - polar_sink(prepared.polar, float(u[0]))
+
+    low, high = -0.3, 0.3
+    assert excess(low) > 0.0 > excess(high)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) > 0.0 else (low, middle)
+    return low
 
 
 class Told(Flyer):

@@ -264,6 +264,20 @@ def test_a_ratio_may_be_its_bound_and_no_more(
     assert not concluded(but(is_one, more)).claims[claim].holds
 
 
+def test_a_ratio_that_is_its_bound_is_met() -> None:
+    """Figures whose quotients are the bounds to the last bit: 3 / 5, 3.6 / 3 and 6 / 5."""
+
+    def answer(flight: EstimatorFlight) -> Any:
+        if flight.duration_s == 20.0:
+            return seen(flight)
+        if flight.sensors.imu is not None:
+            late = flight.sensors.position.delay_s == 0.12
+            return scored(3.6 if late else 3.0, 1.5)
+        return scored(6.0 if flight.tracked else 5.0)
+
+    assert signs(concluded(answer).claims) == "✓" * 10
+
+
 @pytest.mark.parametrize(
     ("claim", "is_one"),
     [

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import Told, crossing_along, flight, leg, signs
 from test_changing_air import shift, slope_shift
 
 from tgl_soar.air.zeuc import excess_gradient
@@ -31,7 +31,6 @@ from tgl_soar.analysis.experiments.paper.changing_air import (
 from tgl_soar.analysis.experiments.paper.still_lines import polar_bias_m
 from tgl_soar.analysis.experiments.result import Result
 from tgl_soar.analysis.experiments.scenario import (
-    PreparedScenario,
     Scenario,
     WindSchedule,
     prepare,
@@ -46,24 +45,6 @@ LATE_S = 1000.0
 @cache
 def scenario(name: str) -> Scenario:
     return Context(flyer=Told(lambda _: None)).scenario(name)
-
-
-def crossing_along(prepared: PreparedScenario, line: str, time_s: float) -> float:
-    """Where excess updraft falls through zero along a line [m], by halving."""
-    target = prepared.lines[line].target
-    c, s = cos(target.eta_rad), sin(target.eta_rad)
-
-    def excess(along: float) -> float:
-        x, z = target.x_m + c * along, target.z_m + s * along
-        u, _, w = prepared.field.wind(np.array([x]), 0.0, np.array([z]), time_s)
-        return float(w[0]) - polar_sink(prepared.polar, float(u[0]))
-
-    low, high = -0.3, 0.3
-    assert excess(low) > 0.0 > excess(high)
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0.0 else (low, middle)
-    return low
 
 
 # --- a shift ------------------------------------------------------------------------------------
