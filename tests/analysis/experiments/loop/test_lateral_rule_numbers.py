@@ -191,6 +191,7 @@ WELL = RuleFound(0.8, 0.8)
         (RuleFound(0.45, FLOOR), WELL, "✗✓✓"),
         (RuleFound(0.24, RINGS), WELL, "✗✓✓"),
         (RuleFound(0.45, 0.49), WELL, "✓✓✓"),
+        (RuleFound(0.2, FLOOR), WELL, "✗✓✗"),  # refused and warned of
     ],
 )
 def test_each_claim_is_of_its_own_aircraft(own: RuleFound, changed: RuleFound, held: str) -> None:

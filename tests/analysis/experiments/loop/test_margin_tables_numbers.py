@@ -166,6 +166,43 @@ def test_a_drawn_aircraft_is_judged_at_three_places_near_and_three_far(
     assert {round(mps, 6) for *_, mps in gusts} == {round(base["DYN_BEST"], 6)}
 
 
+def test_a_drawn_aircraft_is_not_asked_of_speeds_at_which_it_cannot_fly(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A thousandth above the slowest glide at the least, for pitch and for e_rho."""
+    _, base = _shipped()
+    slowest = 1.2 * base["DYN_BEST"]
+    speeds: list[float] = []
+
+    def alpha(_: Any, __: Any, ___: Any, speed: float, *____: Any) -> float:
+        speeds.append(speed)
+        return 0.5
+
+    def activity(_: Any, at: Any, __: Any) -> Any:
+        speeds.append(at.speed_mps)
+        return SimpleNamespace(e_rho_m=0.01)
+
+    glide = SimpleNamespace(horizontal_mps=slowest)
+    monkeypatch.setattr(margin_tables, "highest_pitch_glide", lambda _: glide)
+    monkeypatch.setattr(margin_tables, "values_of", lambda base, *_, **__: base)
+    monkeypatch.setattr(margin_tables, "_drawn_alpha", alpha)
+    monkeypatch.setattr(margin_tables, "activity", activity)
+    drawn_margins(DrawnJob(PLAIN, 0))
+    assert len(speeds) == 11
+    assert min(speeds) == pytest.approx(1.001 * slowest)
+    assert speeds[-2:] == pytest.approx([1.001 * slowest] * 2)
+
+
+def test_nothing_is_flown_and_so_nothing_lasts() -> None:
+    lasted: list[Any] = [
+        found(bears()),
+        RefusedFound(NONE, NONE),
+        has(0.5, 0.5, 0.5),
+        RuleFound(0.5, 0.5),
+    ]
+    assert [each.duration_s for each in lasted] == [0.0] * 4
+
+
 # --- the whole ----------------------------------------------------------------------------------
 
 
