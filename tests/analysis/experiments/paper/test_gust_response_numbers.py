@@ -255,7 +255,7 @@ def test_the_figure_shows_ways_in_centimetres_and_updrafts_through_the_origin(
     assert at_a.x == pytest.approx([a["wind_mps"] - 0.7, a["wind_mps"] + 0.9])
     assert at_a.y == pytest.approx([a["updraft_gain"] * u for u in at_a.x])
     curve, zero, first = margins.series[:3]
-    assert zero.y == [0.0, 0.0]
+    assert (zero.x, zero.y) == ([curve.x[0], curve.x[-1]], [0.0, 0.0])
     assert (first.x, first.y) == ([a["wind_mps"]], [a["margin"]])
     assert np.interp(a["wind_mps"], curve.x, curve.y) == pytest.approx(a["margin"], abs=1e-3)
     assert [mark.x for mark in margins.marks] == [result.numbers["best_glide_mps"]]
@@ -265,4 +265,5 @@ def test_the_figure_shows_ways_in_centimetres_and_updrafts_through_the_origin(
     assert np.interp(2.0, moved.x, moved.y) == pytest.approx(5.0, abs=0.01)
     assert dashed.y == pytest.approx([100.0 * a["predicted_m"]] * 2)
     assert dashed.x == [6.5, 8.0]
+    assert 7.0 < histories.notes[0].x < 8.0  # at its end
     assert histories.notes[0].y == pytest.approx(moved.y[-1])
