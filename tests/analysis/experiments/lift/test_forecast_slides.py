@@ -440,7 +440,10 @@ def test_the_forecast_is_given_the_truth_with_the_noise_of_an_estimate(
     vehicle, air, params = last["vehicle"], last["air"], last["params"]
     assert (vehicle.x_m, vehicle.y_m, vehicle.z_m) == pytest.approx((0.403, 0.0, 10.003))
     assert (vehicle.velocity_x_mps, vehicle.climb_mps) == pytest.approx((-0.48, 0.27))
-    assert vehicle.velocity_y_mps == vehicle.roll_rad == vehicle.pitch_rad == 0.0
+    assert vehicle.velocity_y_mps == 0.0
+    assert (vehicle.roll_rad, vehicle.pitch_rad, vehicle.heading_rad) == (0.0, 0.0, 0.0)
+    rates = (vehicle.roll_rate_radps, vehicle.pitch_rate_radps, vehicle.heading_rate_radps)
+    assert rates == (0.0, 0.0, 0.0)
     assert air.wind_mps == WIND
     assert air.updraft_mps == pytest.approx(polar_sink(POLAR, WIND) + 0.1)
     assert (air.wind_sigma_mps, air.updraft_sigma_mps) == (0.15, 0.06)
