@@ -60,8 +60,19 @@ class ScriptedWorld:
     @property
     def position(self) -> PositionFix:
         now = self.now
-        ned = ned_from_soaring(FRAME, now.x_m + now.fix_x_m, now.y_m, now.z_m + now.fix_z_m)
-        return PositionFix(self.ticks, self.time_s, *ned, 0.0, 0.0, 0.0)
+        north, east, down = ned_from_soaring(
+            FRAME, now.x_m + now.fix_x_m, now.y_m, now.z_m + now.fix_z_m
+        )
+        return PositionFix(
+            sequence=self.ticks,
+            time_s=self.time_s,
+            north_m=north,
+            east_m=east,
+            down_m=down,
+            velocity_north_mps=0.0,
+            velocity_east_mps=0.0,
+            velocity_down_mps=0.0,
+        )
 
 
 class ScriptedLoop:
@@ -78,7 +89,7 @@ class ScriptedLoop:
 
     def change(self, parameters: dict[str, float]) -> None:
         self.changes.append((self.world.time_s, parameters))
-        self.values |= parameters
+        self.values = self.values | parameters  # a new one, as a loop's is
 
     def tick(self) -> Any:
         self.engaged.append(self.engage)
