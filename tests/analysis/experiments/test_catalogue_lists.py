@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -96,7 +97,7 @@ def test_a_result_is_of_ours_or_of_the_paper_and_knows_how_long_it_took(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter((100.0, 103.5, 200.0, 201.0))
-    monkeypatch.setattr("tgl_soar.analysis.experiments.catalogue.time.monotonic", clock.__next__)
+    monkeypatch.setattr(catalogue, "time", SimpleNamespace(monotonic=clock.__next__))
     for name, own, seconds in (("hour", True, 3.5), ("static", False, 1.0)):
         asked = given(monkeypatch, name)
         found = catalogue.run(name, Context(Flyer()))
