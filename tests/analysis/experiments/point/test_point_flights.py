@@ -4,6 +4,7 @@ brakes, and margins; each number from both sides."""
 from __future__ import annotations
 
 from math import cos, hypot, inf, isnan, nan, pi, sin
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -439,3 +440,10 @@ def test_both_loops_and_the_later_brake_keep_one_half() -> None:
     assert table.rows == (("tunnel", "8.7", "0.60", "1.2", "0.55", "0.70", "0.80"),)
     assert table.columns[4] == "17 ms later"
     assert table.title == "Disk margins, the least of leans of 10° to 25°"
+
+
+def test_line_point_and_square_are_drawn_into_one_file(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="figures need matplotlib")
+    path = tmp_path / "point.png"
+    e._draw(path, [flight()], [flight()], flight(), -0.1, prepare(TUNNEL))
+    assert path.read_bytes().startswith(b"\x89PNG")
