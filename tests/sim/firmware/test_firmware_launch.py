@@ -4,6 +4,7 @@ each and when, what a mission needs, and who holds the sticks."""
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from tgl_soar.sim.firmware.simulation import (
     arm,
 )
 from tgl_soar.sim.simulation import Options, TimedSetting
+from tgl_soar.sim.vehicle.level_flight import PITCH_STICK_RAD
 from tgl_soar.types import SurfaceCommand
 
 STEP_HZ = 50  # few steps, as a test has many seconds; the sensors' 50 Hz divide it
@@ -334,6 +336,27 @@ def test_the_pilot_flies_unless_a_command_is_obeyed(flight: Flight, mode: int) -
         flight.steps()
     flown = any(flight.physics.sticks[-1].deflections)
     assert flown == (mode == MANUAL)  # there the command is not obeyed
+
+
+def test_the_pilot_holds_the_place_where_they_took_over_last(flight: Flight) -> None:
+    """5 m up and downwind of where they held it before: it is held there and not flown back to, so
+    their stick asks for no pitch of 0.15 rad."""
+    flight.launched()
+    flight.relay.says(5, armed=True)  # in a mode that helps, their stick asks for a pitch
+    flight.steps(10)
+    flight.relay.custom_mode = OBEYS
+    flight.relay.commanded()
+    flight.steps()
+    world = flight.sim.world
+    state = world.state
+    world.state = state._replace(x_m=state.x_m + 5.0, z_m=state.z_m + 5.0)
+    flight.relay.says(5, armed=True)
+    flight.steps()
+    v_x, v_z = world.state.velocity_x_mps, world.state.velocity_z_mps
+    damping_rad = 0.25 * (-v_x * sin(radians(105.0)) + v_z * cos(radians(105.0)))
+    asked_rad = flight.physics.sticks[-1].deflections.elevator * PITCH_STICK_RAD
+    assert asked_rad == pytest.approx(max(-0.15, min(0.15, damping_rad)), abs=0.02)
+    assert abs(asked_rad) < 0.1
 
 
 def test_the_pilot_flies_once_no_command_comes(flight: Flight) -> None:

@@ -174,6 +174,15 @@ def test_without_a_signal_the_receiver_sends_nothing(
     assert [message.get_type() for message in heard(client)] == ["HIL_SENSOR"]
 
 
+def test_closed_it_leaves_its_firmware_and_its_port(
+    physics: Px4Physics, client: socket.socket
+) -> None:
+    physics.close()
+    assert client.recv(10) == b""  # the other end has gone
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", physics.port), timeout=5.0)
+
+
 def test_a_port_that_no_computer_has_is_refused() -> None:
     with pytest.raises(FirmwareError, match="TCP port 70000, where PX4 looks for its simulator"):
         Px4Physics(AIRFRAME.surfaces, 70000)
