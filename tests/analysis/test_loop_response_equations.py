@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import isnan, log10, pi
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ TIME_S = DT_S * np.arange(float(N))
 Complex = NDArray[np.complex128]
 
 
-def sounding(amplitudes: Complex) -> NDArray[np.float64]:
+def sounding(amplitudes: NDArray[Any]) -> NDArray[np.float64]:
     """The sum of tones of these amplitudes, counted from the first period's beginning."""
     waves = amplitudes[:, None] * np.exp(1j * TONES_RADPS[:, None] * (TIME_S - LEAD_S))
     return np.asarray(waves.real.sum(axis=0))
@@ -55,7 +56,7 @@ def made(each: Complex | None = None) -> Series:
     for k in range(1, PERIODS):
         rows = slice(FIRST + k * PER_PERIOD, FIRST + (k + 1) * PER_PERIOD)
         setpoint[rows] = sounding(R * sensitivities[k])[rows]
-    error = sounding(0.01 * np.exp(1j * np.arange(6.0)).astype(np.complex128))
+    error = sounding(0.01 * np.exp(1j * np.arange(6.0)))
     path = KP + KI * DT_S / (1.0 - np.exp(-1j * TONES_RADPS * DT_S))
     columns = {
         "standing": np.where((TIME_S > 1e-9) & (TIME_S < 23.0), RUNNING, 0).astype(float),
