@@ -74,7 +74,7 @@ def test_a_parabola_cut_off_below_and_above_is_left_over_its_edges() -> None:
         assert s == pytest.approx(height / sin(ETA), abs=0.011)
         assert barrier == pytest.approx(0.5 * rate * (height / sin(ETA)) ** 2, rel=0.03)
         assert found == pytest.approx(
-            rate * sqrt(barrier / (pi * diffusion)) * exp(-barrier / diffusion), rel=1e-6
+            rate * sqrt(barrier / (pi * diffusion)) * exp(-barrier / diffusion), rel=1e-6, abs=0.0
         )
         assert not smooth
 
@@ -92,7 +92,9 @@ def test_a_rim_of_the_airs_own_is_smooth() -> None:
         assert s == pytest.approx(side * 0.5 * pi / sin(ETA), abs=0.011)
         assert barrier == pytest.approx(0.8 / (LEVERAGE * sin(ETA)), rel=0.01)
         assert smooth
-        assert found == pytest.approx(rate / (2.0 * pi) * exp(-barrier / diffusion), rel=1e-3)
+        assert found == pytest.approx(
+            rate / (2.0 * pi) * exp(-barrier / diffusion), rel=1e-3, abs=0.0
+        )
 
 
 def test_the_rims_own_steepness_counts() -> None:
@@ -109,7 +111,7 @@ def test_the_rims_own_steepness_counts() -> None:
     assert smooth
     assert not lower[3]
     assert found == pytest.approx(
-        sqrt(rate * rim) / (2.0 * pi) * exp(-barrier / diffusion), rel=1e-3
+        sqrt(rate * rim) / (2.0 * pi) * exp(-barrier / diffusion), rel=1e-3, abs=0.0
     )
 
 
@@ -122,7 +124,7 @@ def test_the_end_of_the_field_and_of_the_polar_are_edges() -> None:
     diffusion = diffusion_of(0.1, ETA, SIGMA_MPS, TAU_S)
     rate = 0.5 * sin(ETA) / LEVERAGE
     for _, barrier, found, _ in (lower, upper):
-        assert found == pytest.approx(cliff_rate(rate, barrier, diffusion), rel=1e-6)
+        assert found == pytest.approx(cliff_rate(rate, barrier, diffusion), rel=1e-6, abs=0.0)
 
 
 def test_what_may_be_flown_is_asked_along_the_line() -> None:
