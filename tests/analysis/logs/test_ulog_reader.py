@@ -105,9 +105,10 @@ def test_the_duration_is_that_of_the_ticks_where_there_are_any() -> None:
 def test_parameters_their_changes_words_and_texts_are_read() -> None:
     found = log(
         words(4, 1_500_000, "first"),
+        *POSES[:5],
         parameter("GAIN", 3.5),
         words(6, 2_500_000, "second"),
-        *POSES,
+        *POSES[5:],
         defined=DEFINED
         + info("sys_name", "PX4")
         + parameter("GAIN", 2.5)
@@ -117,6 +118,7 @@ def test_parameters_their_changes_words_and_texts_are_read() -> None:
     assert found.parameters == {"GAIN": 2.5}
     (change,) = found.changes
     assert (change.tick, change.name, change.value) == (0, "GAIN", 3.5)
+    assert change.time_s == pytest.approx(1.4)  # when the row before it was logged
     assert found.words == [Words(1.5, 4, "first"), Words(2.5, 6, "second")]
     assert found.info["sys_name"] == "PX4"
     assert found.texts == {"site": "abcde"}
