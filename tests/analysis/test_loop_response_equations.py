@@ -292,6 +292,22 @@ def test_the_band_of_a_margin_is_what_its_sensitivity_may_be_wrong_by() -> None:
     assert alpha.low < alpha.value < alpha.high
 
 
+def test_of_two_periods_alone_the_band_is_as_wide_as_two_degrees_of_freedom_make_it() -> None:
+    """A t of two: 4.3 standard deviations to either side, where many periods have 2."""
+    s = through([0.1, 0.1, 0.2, 0.5, 0.2, 0.1], [-180.0] * 6)
+    deltas = np.zeros((PERIODS, 6), dtype=np.complex128)
+    deltas[:2, 3] = 0.002, -0.002
+    standing = np.where(np.arange(N) < FIRST + 2 * PER_PERIOD, RUNNING, 0).astype(float)
+    series = changed(made(s + deltas), standing=standing, pitch_rad=np.full(N, np.nan))
+    (found,) = loop_responses(series)
+    assert found.periods == 2
+    sd = np.sqrt(0.5 * found.variance[3])
+    assert sd == pytest.approx(0.002 * np.sqrt(0.5 * 2.0 / 2.0))
+    alpha = found.margins.alpha
+    half = student.ppf(0.975, 2) * sd / 1.5**2
+    assert 0.5 * (alpha.high - alpha.low) == pytest.approx(half, rel=0.4)
+
+
 def test_a_band_holds_the_middle_95_per_cent_of_the_draws() -> None:
     drawn = [float(i) for i in range(DRAWS)]
     whole = _bounded(200.0, drawn)
