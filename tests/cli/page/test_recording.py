@@ -245,6 +245,7 @@ def test_the_air_is_measured_twice_a_second_and_only_where_it_was_flown() -> Non
     watched: Any = Watched()
     found = recording_of(air_flight(), tunnel(), watched)
     assert [sample.time_s for sample, _ in watched.samples] == [0.0, 0.5, 1.0, 1.5]
+    assert [sample.x_m for sample, _ in watched.samples] == [0.0, 0.5, 1.0, 1.5]
     assert [flying for _, flying in watched.samples] == [False, False, True, False]
     sample = watched.samples[2][0]
     assert sample == AirSample(

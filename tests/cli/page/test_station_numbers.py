@@ -122,6 +122,13 @@ def test_the_modules_heartbeat_holds_its_mode_and_the_number_of_its_start() -> N
     assert listener.starts == 2
 
 
+def test_what_a_module_told_before_its_restart_is_forgotten() -> None:
+    listener = station()
+    heard(listener, beat(start=5), named("e_rho", 1.0))
+    heard(listener, beat(start=6, mode=2))
+    assert listener.now == {"soar_mode": 2.0}
+
+
 def test_a_float_array_is_taken_by_the_names_of_its_places() -> None:
     listener = station()
     taken: list[tuple[float, Sequence[float]]] = []
@@ -255,6 +262,16 @@ def test_an_acknowledgement_to_another_station_is_not_ours(system: int, is_ours:
     assert answers(station(), error) == (expected if is_ours else [])
 
 
+def test_an_answer_holds_nothing_of_another_kind() -> None:
+    assert StationAnswer(kind="ack")._asdict() == {
+        "kind": "ack",
+        "name": "",
+        "value": 0.0,
+        "command": 0,
+        "result": 0,
+    }
+
+
 # --- what it sends -----------------------------------------------------------------------------
 
 
@@ -375,6 +392,21 @@ def test_a_row_has_the_columns_of_the_strips_in_four_digits() -> None:
     assert set(found.values()) == {None}
 
 
+def test_the_strips_have_a_column_for_each_of_these() -> None:
+    names = (
+        *("soar_x", "soar_z", "e_rho", "pitch", "pitch_sp", "elevator", "updraft", "excess"),
+        *("airspeed", "soar_mode", "line_x", "line_z", "line_lean", "roll", "climb", "wind"),
+        *("age_pos", "age_att", "age_ap", "clearance", "stall"),
+        *("fc_state", "fc_chance", "fc_time", "fc_z"),
+    )
+    listener = station()
+    listener.now.update({name: 0.5 + i for i, name in enumerate(names)})
+    heard(listener, named("e_rho", 2.5), now_s=10.0)
+    listener.step(10.0)
+    found = dict(zip(ROW, listener.rows[-1], strict=True))
+    assert found == {"t": 10.0} | {name: 0.5 + i for i, name in enumerate(names)}
+
+
 @pytest.mark.parametrize(("value", "shown"), [
     (None, None), (nan, None), (inf, None), (-inf, None), (0.0, 0.0), (1.23456, 1.2346),
 ])  # fmt: skip
@@ -432,6 +464,8 @@ def test_frames_of_either_version_are_measured_and_chosen() -> None:
     new_raw, new_shown = bytes(raw.pack(codec())), bytes(beat().pack(codec()))
     assert without_others(old_raw + new_shown + new_raw + old_shown) == new_shown + old_shown
     assert without_others(old_raw[:5]) == old_raw[:5]  # less than a header
+    assert without_others(new_raw + b"\xfd") == b"\xfd"
+    assert without_others(new_raw + new_raw[:9]) == new_raw[:9]
     assert without_others(new_shown + old_raw[:4]) == new_shown + old_raw[:4]
 
 
