@@ -296,7 +296,9 @@ def test_a_lean_leaves_the_point(clock: Made) -> None:
     ("component 0", "tgl component 0: must be 1 to 255"),
     ("component 256", "tgl component 256: must be 1 to 255"),
     ("component x", "tgl component x: must be 1 to 255"),
-    ("site no-such.toml", "no-such.toml"),
+    ("site no-such.toml", "no-such.toml"), ("preset a b", "usage: tgl move"),
+    ("site a b", "usage: tgl move"),
+    ("component 1 2", "usage: tgl move"), ("status x", "usage: tgl move"), ("lean", "usage:"),
 ])  # fmt: skip
 def test_what_is_wrong_is_told_and_not_sent(
     clock: Made, capsys: Out, line: str, words: str
@@ -473,6 +475,7 @@ def test_every_mode_has_its_name(number: float, name: str) -> None:
 def test_on_the_ground_it_is_told_what_engaging_lacks(
     entry: float | None, words: list[str]
 ) -> None:
-    values = {"soar_mode": 2.0} | ({} if entry is None else {"entry": entry})
-    lines = status_lines(values, None)
-    assert [each for each in lines if each.startswith(("engaging", "held"))] == words
+    for mode in (0.0, 2.0, 8.0):
+        values = {"soar_mode": mode} | ({} if entry is None else {"entry": entry})
+        lines = status_lines(values, None)
+        assert [each for each in lines if each.startswith(("engaging", "held"))] == words

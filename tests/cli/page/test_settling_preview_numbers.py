@@ -147,7 +147,8 @@ def test_out_of_the_known_air_there_is_no_place_but_the_way_there() -> None:
     assert (ghost.place, ghost.settles_s) == (None, None)
     assert ghost.words == "the aircraft would leave the air that is known"
     assert all(not isnan(x + z) for x, z in ghost.path)
-    assert 1.4 < ghost.path[-1][1] < 1.6
+    assert ghost.path[-1][1] >= 1.5  # where it was last, just out of it
+    assert ghost.path[-2][1] < 1.5
 
 
 @pytest.mark.parametrize("place", [(float("nan"), 1.0), (0.0, float("nan"))])
@@ -170,6 +171,11 @@ def test_of_a_contours_crossings_the_nearest_where_it_settles_counts() -> None:
     assert ghost.place == pytest.approx((0.0, 1.5))
     assert ghost.words == "without a model of the air the time is not known"
     assert (ghost.settles_s, ghost.path) == (None, ())
+    leaning = (((19.0, 1.5), (7.0, 1.5)), ((14.0, 2.4), (11.0, 3.4)))
+    aside = foresight(None, contour=leaning)
+    line = GhostLine(12.0, 1.0, 0.0)
+    ghost = aside.ghost(values(), line, GhostStart(0.0, 1.0, None), flying=False)
+    assert ghost.place == pytest.approx((12.0, 1.5))
     nowhere = foresight(None).ghost(values(), UPRIGHT, GhostStart(0.0, 1.0, None), flying=False)
     assert nowhere.place is None
 
