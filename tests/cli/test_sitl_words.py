@@ -154,8 +154,11 @@ def test_a_leg_that_did_not_settle_is_an_exit_code(
         scores=[SimpleNamespace(settled=False)], flown=[SimpleNamespace(by_hand=False)]
     )
     monkeypatch.setattr(module, "_fly", lambda _options: ended)
+    shown: list[Any] = []
+    monkeypatch.setattr(module, "_show", lambda _options, flight: shown.append(flight))
     code, said = run()
     assert (code, "a leg did not settle" in said) == (1, True)
+    assert shown == [ended]
     ended.flown[0].by_hand = True
     assert run() == (0, "")
 
@@ -225,7 +228,7 @@ def test_the_legs_are_shown_in_centimetres(
         scores=scores,
         flown=[SimpleNamespace(by_hand=by_hand) for by_hand in (False, False, True)],
         notes=("a note [of brackets]",),
-        truth={"time_s": [0.0, 61.6]},
+        truth={"time_s": [0.0, 30.0, 61.6]},
         wall_s=12.4,
     )
     _show(SitlOptions(Path("a"), Path("s"), Path("here")), flight)
