@@ -277,3 +277,19 @@ def test_a_recording_that_is_not_whole_is_an_exit_code(
 def test_lengths_are_in_metres_and_angles_in_degrees(name: str) -> None:
     assert module._REPORTED_IN[name] == "m"
     assert module._REPORTED_IN["pitch_sp"] == module._REPORTED_IN["line_lean"] == "°"
+
+
+@pytest.mark.parametrize(("changes", "airframe", "title"), [
+    ({}, None, "a.ulg, replayed"), ({"RHO_P": 0.8}, None, "a.ulg, replayed with RHO_P = 0.8"),
+    ({"RHO_P": 0.8}, Path("x/jet.toml"), "a.ulg, replayed with RHO_P = 0.8, jet.toml"),
+])  # fmt: skip
+def test_a_figure_says_what_was_replayed(
+    changes: dict[str, float], airframe: Path | None, title: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(
+        "tgl_soar.analysis.report.replay_figure.replay_figure", lambda *given: drawn.append(given)
+    )
+    module._draw(Path("f.png"), result(), Path("logs/a.ulg"), changes, airframe)
+    ((figure, *_, words),) = drawn
+    assert (figure, words) == (Path("f.png"), title)
