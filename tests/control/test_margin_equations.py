@@ -201,7 +201,11 @@ def pitch_by_matrices(loop: Flown, radps: Numbers) -> float:
         damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
         holds = (inner.kp + inner.ki / s) * (1.0 + s * late) + damps
         held = surface * holds * np.exp(-s * late) * pitch
-        line = -surface * (inner.kp + inner.ki / s + loop.setpoint_weight * damps) * asked
+        # By ticks of T, z = exp(s T): (z − 1) / T is z times the difference over the tick before.
+        z, tick = np.exp(s * 2.0 * HALF_A_TICK_S), 2.0 * HALF_A_TICK_S
+        rate, w = (z - 1.0) / tick, inner.rate_filter_radps
+        follows = inner.kd * rate / z * w * z / (w * z + rate)
+        line = -surface * (inner.kp + inner.ki / s + loop.setpoint_weight * follows) * asked
         return complex(1.0 / (1.0 + held + line)), complex((1.0 + held) / (1.0 + held + line))
 
     return min(nearest([sensitivity(1j * w) for w in radps]))

@@ -8,8 +8,8 @@ Positive elevator pitches up, positive aileron rolls right, both -1 … 1.
 
 The derivative acts on the measured rate, so that a setpoint that steps does not kick the surface,
 and on a part of the pitch setpoint's rate: all of it is eq. 16 as printed.  The setpoint that the
-line asks for moves all the time, and damping that resists it delays the whole cascade: with half
-of its rate the same disk margins leave three quarters of e_rho (docs/margins.md).  Without
+line asks for moves all the time, and damping that resists it delays the whole cascade: with 0.3
+of its rate the same disk margins leave 0.78 of e_rho (docs/margins.md).  Without
 accelerometers the line's rate is that of fixes, whose noise this would pass on to the elevator.
 """
 

@@ -32,7 +32,7 @@ from __future__ import annotations
 from cmath import exp, phase
 from functools import lru_cache
 from math import atan, cos, radians, sin
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
 from tgl_soar.config.parameters import ParameterSet
@@ -59,6 +59,7 @@ WAY_STEP_M: Final = 0.5  # of the way to the waypoint: one answer for roll and h
 FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there
 # Of the best glide's speed: where it soars in a tunnel and on a hill, 8.5 to 10.6 m/s for 9.25.
 SPEEDS: Final = (0.92, 1.0, 1.15)
+TICK_S: Final = 2.0 * HOLD_S
 RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
 # The place of the line says nothing of the loop.
 _ANYWHERE: Final = {"TGL_X": 0.0, "TGL_Z": 0.0, "TGL_PRESET": 0.0}
@@ -289,8 +290,16 @@ def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
     damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
     attitude = exp(-s * late) * pitch
     held = surface * (error * (1.0 + s * late) + damps) * attitude
-    line = -surface * (error + loop.setpoint_weight * damps) * setpoint
+    follows = loop.setpoint_weight * inner.kd * followed(inner, exp(-s * TICK_S))
+    line = -surface * (error + follows) * setpoint
     return held + line, line / (1.0 + held)
+
+
+def followed(inner: PidGains, before: Any) -> Any:
+    """From the setpoint to what the derivative has of its rate: a difference over a tick, and the
+    filter of `pid_step`.  before: exp(-s TICK_S), a number or an array."""
+    blend = inner.rate_filter_radps * TICK_S / (1.0 + inner.rate_filter_radps * TICK_S)
+    return (1.0 - before) / TICK_S * blend / (1.0 - (1.0 - blend) * before)
 
 
 class GlideCoefficients(NamedTuple):
