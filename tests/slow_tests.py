@@ -47,6 +47,12 @@ PROCESSES = (
 ANALYSIS = (
     "analysis/campaigns/test_drawn_faults.py", "analysis/campaigns/test_safety_timeline.py",
     "analysis/experiments/estimates/test_estimator_experiment.py",
+    "analysis/experiments/estimates/test_estimator_flights_numbers.py",
+    "analysis/experiments/loop/test_lateral_rule_numbers.py",
+    "analysis/experiments/loop/test_latency_numbers.py",
+    "analysis/experiments/paper/test_changing_air_numbers.py",
+    "analysis/experiments/paper/test_line_lean_numbers.py",
+    "analysis/experiments/paper/test_places_numbers.py",
     "analysis/experiments/estimates/test_wind_estimate.py",
     "analysis/experiments/estimates/test_wind_use.py", "analysis/experiments/lift/test_nowhere.py",
     "analysis/experiments/loop/test_margin_tables.py",
