@@ -430,5 +430,16 @@ def test_in_a_hand_the_loops_have_learnt_nothing_and_know_how_it_turns() -> None
     """A derivative that begins at the present rate makes no step; the last command stays."""
     turning = VEHICLE._replace(roll_rate_radps=0.3, pitch_rate_radps=-0.2, heading_rate_radps=0.1)
     learnt = PidState(0.4, 9.0)
-    loops = loops_in_hand(LoopsState(learnt, learnt, learnt, FREE), turning)
-    assert loops == LoopsState(PidState(0.0, 0.2), PidState(0.0, -0.3), PidState(0.0, -0.1), FREE)
+    before = LoopsState(
+        pitch=learnt, roll=learnt, heading=learnt, limited=FREE, pitch_setpoint_rad=0.1
+    )
+    pitch_setpoint_rad = before.pitch_setpoint_rad
+    loops = loops_in_hand(before, turning)
+    assert loops.pitch_setpoint_rad != loops.pitch_setpoint_rad  # none was followed
+    assert loops._replace(pitch_setpoint_rad=pitch_setpoint_rad) == LoopsState(
+        pitch=PidState(0.0, 0.2),
+        roll=PidState(0.0, -0.3),
+        heading=PidState(0.0, -0.1),
+        limited=FREE,
+        pitch_setpoint_rad=pitch_setpoint_rad,
+    )

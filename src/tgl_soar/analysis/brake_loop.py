@@ -151,7 +151,7 @@ def _opened(laws: Laws, condition: Condition) -> _Opened:
             effect.elevator - still.elevator,
             dt,
             0,
-            followed_rate(follows, terms.output, followed, inf, dt),
+            setpoint_rate_radps=followed_rate(follows, terms.output, followed, inf, dt),
         )
         servo = condition.servo
         elevator_next = servo_moved(

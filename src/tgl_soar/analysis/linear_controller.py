@@ -106,6 +106,7 @@ class _Controller(NamedTuple):
             0,
         )
         setpoint_rad = outer_terms.output + float(injected)
+        weight, dt = self.setpoint_weight, self.dt_s
         flown, inner_terms = attitude_step(
             self.pitch,
             PidState(float(inner), float(inner_rate)),
@@ -115,7 +116,7 @@ class _Controller(NamedTuple):
             0.0,
             self.dt_s,
             0,
-            followed_rate(self.setpoint_weight, setpoint_rad, float(before), inf, self.dt_s),
+            setpoint_rate_radps=followed_rate(weight, setpoint_rad, float(before), inf, dt),
         )
         return np.concatenate(
             [

@@ -175,12 +175,13 @@ def surfaces_step(
     brake, brake_max: wanted, and the furthest that it may go; braked: what the brake changes now;
     stall_rad: the margin of the angle of attack; surfaces: as they are read back.
     """
-    trim = laws.trim
-    if braked.elevator != 0.0:
-        trim = trim._replace(elevator=trim.elevator + braked.elevator)
+    trim = laws.trim._replace(elevator=laws.trim.elevator + braked.elevator)
     pitch, roll, followed_rad = state.pitch, state.roll, NAN
     elevator_terms = aileron_terms = NO_TERMS
     if laws.loops == OURS:
+        followed_rad, slew_radps = setpoints.pitch_rad, laws.soaring.slew_radps
+        weight, before_rad = gains.setpoint_weight, state.pitch_setpoint_rad
+        rate_radps = followed_rate(weight, followed_rad, before_rad, slew_radps, dt_s)
         pitch, elevator_terms = attitude_step(
             gains.pitch,
             state.pitch,
@@ -190,15 +191,8 @@ def surfaces_step(
             trim.elevator,
             dt_s,
             state.limited.elevator_blocked,
-            followed_rate(
-                gains.setpoint_weight,
-                setpoints.pitch_rad,
-                state.pitch_setpoint_rad,
-                laws.soaring.slew_radps,
-                dt_s,
-            ),
+            setpoint_rate_radps=rate_radps,
         )
-        followed_rad = setpoints.pitch_rad
         roll, aileron_terms = attitude_step(
             gains.roll,
             state.roll,
