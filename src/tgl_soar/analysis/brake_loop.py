@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tgl_soar.analysis.linear_controller import goes_by_accelerations
 from tgl_soar.analysis.linear_plant import Condition, Matrix, differences
 from tgl_soar.control.attitude import attitude_step, followed_rate
 from tgl_soar.control.gain_blend import pid_between, soaring_between
@@ -121,7 +122,7 @@ def _opened(laws: Laws, condition: Condition) -> _Opened:
     trim = glide_at(braked(condition.model, bias), condition.speed_mps)
     dt, eta = 1.0 / condition.step_hz, eta_from_lean(condition.lean_rad)
     waits = max(1, round(condition.command_delay_s / dt))
-    inertial = _goes_by_accelerations(laws, condition)
+    inertial = goes_by_accelerations(laws, condition.sensors)
     soaring, pitch = _gains(laws, condition, inertial)
     follows = laws.setpoint_weight if inertial else 0.0
     still = brake_effect(laws.brake, bias, condition.speed_mps)
@@ -206,10 +207,6 @@ def _parts(jacobian: Matrix, size: int, eta_rad: float) -> _Opened:
         through=float(jacobian[size:, size][0]),
         along=along,
     )
-
-
-def _goes_by_accelerations(laws: Laws, condition: Condition) -> bool:
-    return condition.sensors.imu is not None and laws.motion.use_imu
 
 
 def _gains(laws: Laws, condition: Condition, inertial: bool) -> tuple[SoaringGains, PidGains]:

@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tgl_soar.analysis.linear_controller import fix_matrices
+from tgl_soar.analysis.linear_controller import fix_matrices, goes_by_accelerations
 from tgl_soar.analysis.linear_model import Loop
 from tgl_soar.analysis.linear_plant import (
     Condition,
@@ -83,7 +83,7 @@ def lateral_loop(laws: Laws, condition: Condition) -> Loop:
     servo = condition.servo._replace(delay_s=condition.servo.delay_s + condition.command_delay_s)
     surface = 1 + len(servo_start(servo, dt).pending)  # a deflection, and what is on its way to it
     sensors = condition.sensors
-    inertial = sensors.imu is not None and laws.motion.use_imu
+    inertial = goes_by_accelerations(laws, sensors)
     source = sensors.imu if sensors.imu is not None and inertial else sensors.attitude
     late = sensor_timing("attitude", source.rate_hz, source.delay_s, condition.step_hz).delay_steps
     fixes = sensor_timing(

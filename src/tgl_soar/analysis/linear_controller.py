@@ -179,11 +179,16 @@ def linear_controller(laws: Laws, condition: Condition, errors: bool = False) ->
     return Periodic(a, b, c, d)
 
 
+def goes_by_accelerations(laws: Laws, sensors: Sensors) -> bool:
+    """Whether the gains with accelerometers are flown."""
+    return sensors.imu is not None and laws.motion.use_imu
+
+
 def _controller(laws: Laws, condition: Condition, errors: bool) -> _Controller:
     sensors, dt = condition.sensors, 1.0 / condition.step_hz
     position = sensors.position
     timing = sensor_timing("position", position.rate_hz, position.delay_s, condition.step_hz)
-    inertial = sensors.imu is not None and laws.motion.use_imu
+    inertial = goes_by_accelerations(laws, sensors)
     source = sensors.imu if sensors.imu is not None and inertial else sensors.attitude
     late = sensor_timing("attitude", source.rate_hz, source.delay_s, condition.step_hz).delay_steps
     take, carry = fix_matrices(laws.motion, timing.period_steps * dt, dt, sensors, inertial)

@@ -290,16 +290,17 @@ def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
     damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
     attitude = exp(-s * late) * pitch
     held = surface * (error * (1.0 + s * late) + damps) * attitude
-    follows = loop.setpoint_weight * inner.kd * followed(inner, exp(-s * TICK_S))
-    line = -surface * (error + follows) * setpoint
+    line = -surface * (error + followed(loop, exp(-s * TICK_S))) * setpoint
     return held + line, line / (1.0 + held)
 
 
-def followed(inner: PidGains, before: Any) -> Any:
-    """From the setpoint to what the derivative has of its rate: a difference over a tick, and the
-    filter of `pid_step`.  before: exp(-s TICK_S), a number or an array."""
-    blend = inner.rate_filter_radps * TICK_S / (1.0 + inner.rate_filter_radps * TICK_S)
-    return (1.0 - before) / TICK_S * blend / (1.0 - (1.0 - blend) * before)
+def followed(loop: Flown, before: Any) -> Any:
+    """From the setpoint to what the derivative makes of its rate: a part of the difference over a
+    tick, and the filter of `pid_step`.  before: exp(-s TICK_S), a number or an array."""
+    filtered = loop.pitch.rate_filter_radps * TICK_S
+    blend = filtered / (1.0 + filtered)
+    gain = loop.setpoint_weight * loop.pitch.kd / TICK_S
+    return gain * (1.0 - before) * blend / (1.0 - (1.0 - blend) * before)
 
 
 class GlideCoefficients(NamedTuple):

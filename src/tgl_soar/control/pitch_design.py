@@ -303,9 +303,10 @@ def _transfers(loop: Flown, known: Answers) -> _LoopTransfers:
     quickly = outer.kd / (1.0 + s / outer.rate_filter_radps)
     damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
     if loop.inertial:
-        follows = loop.setpoint_weight * inner.kd * followed(inner, np.exp(-s * TICK_S))
         return _LoopTransfers(
-            setpoint=slowly + quickly, follows=error + follows, attitude=error + damps
+            setpoint=slowly + quickly,
+            follows=error + followed(loop, np.exp(-s * TICK_S)),
+            attitude=error + damps,
         )
     return _LoopTransfers(
         setpoint=known.old * (slowly * (1.0 + s * FIX_AGE_S) + quickly),

@@ -175,7 +175,9 @@ def surfaces_step(
     brake, brake_max: wanted, and the furthest that it may go; braked: what the brake changes now;
     stall_rad: the margin of the angle of attack; surfaces: as they are read back.
     """
-    trim = laws.trim._replace(elevator=laws.trim.elevator + braked.elevator)
+    trim = laws.trim
+    if braked.elevator != 0.0:
+        trim = trim._replace(elevator=trim.elevator + braked.elevator)
     pitch, roll, followed_rad = state.pitch, state.roll, NAN
     elevator_terms = aileron_terms = NO_TERMS
     if laws.loops == OURS:

@@ -4,8 +4,10 @@ computed in it, so that a test knows where the aircraft is, what its fixes say, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any, Final, NamedTuple
+
+import pytest
 
 from tgl_soar.control.supervisor import SOARING
 from tgl_soar.geometry import SoaringFrame, ned_from_soaring
@@ -101,3 +103,21 @@ class ScriptedLoop:
             reason=now.reason,
             ground_range=SimpleNamespace(correction_m=now.correction_m),
         )
+
+
+def air_of_seeds(
+    monkeypatch: pytest.MonkeyPatch, module: ModuleType, flies: Callable[[int], object]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Winds [m/s] and turbulence that a module asks a world for, with each of thirty seeds."""
+    asked: list[tuple[float, float]] = []
+
+    def made(_airframe: Any, site: Any, _seed: int, **wanted: Any) -> Any:
+        asked.append((site.air.wind_mps, wanted["turbulence"]))
+        raise StopIteration
+
+    monkeypatch.setattr(module, "flown_world", made)
+    for seed in range(30):
+        with pytest.raises(StopIteration):
+            flies(seed)
+    winds, gusts = zip(*asked, strict=True)
+    return winds, gusts

@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from scripted import Moment, ScriptedLoop
+from scripted import Moment, ScriptedLoop, air_of_seeds
 
 from tgl_soar.analysis.experiments.outdoors import rangefinder as ranges
 from tgl_soar.analysis.experiments.outdoors.rangefinder import RangeFlight, RangeJob
@@ -67,17 +67,11 @@ def test_each_kind_has_its_position_and_its_rangefinder(
 def test_wind_and_gusts_are_the_seeds_and_fill_their_ranges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asked: list[tuple[float, float]] = []
-
-    def made(_airframe: Any, site: Any, _seed: int, **wanted: Any) -> Any:
-        asked.append((site.air.wind_mps, wanted["turbulence"]))
-        raise StopIteration
-
-    monkeypatch.setattr(ranges, "flown_world", made)
-    for seed in range(30):
-        with pytest.raises(StopIteration):
-            ranges._loop(RangeJob(ranges.RECEIVER, seed), False, (), 30.0)
-    winds, gusts = zip(*asked, strict=True)
+    winds, gusts = air_of_seeds(
+        monkeypatch,
+        ranges,
+        lambda seed: ranges._loop(RangeJob(ranges.RECEIVER, seed), False, (), 30.0),
+    )
     assert 6.9 <= min(winds) < 6.95
     assert 7.35 < max(winds) <= 7.4
     assert 0.0 < min(gusts) < 0.004

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import cos, hypot, inf, isnan, nan, radians, sin
 from random import Random
-from typing import Any
 
 import pytest
-from scripted import Moment, ScriptedLoop
+from scripted import Moment, ScriptedLoop, air_of_seeds
 
 from tgl_soar.analysis.experiments.outdoors import satellites as sat
 from tgl_soar.analysis.experiments.outdoors.satellites import SatelliteJob, SinceFault
@@ -160,17 +159,11 @@ def test_each_kind_has_its_receiver_and_its_leave_to_break_off(
 def test_wind_and_gusts_are_the_seeds_and_fill_their_ranges(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    asked: list[tuple[float, float]] = []
-
-    def made(_airframe: Any, site: Any, _seed: int, **wanted: Any) -> Any:
-        asked.append((site.air.wind_mps, wanted["turbulence"]))
-        raise StopIteration
-
-    monkeypatch.setattr(sat, "flown_world", made)
-    for seed in range(30):
-        with pytest.raises(StopIteration):
-            sat._world(SatelliteJob(sat.RESET, seed), Random(f"air {seed}"), 40.0)
-    winds, gusts = zip(*asked, strict=True)
+    winds, gusts = air_of_seeds(
+        monkeypatch,
+        sat,
+        lambda seed: sat._world(SatelliteJob(sat.RESET, seed), Random(f"air {seed}"), 40.0),
+    )
     assert 6.9 <= min(winds) < 6.95
     assert 7.35 < max(winds) <= 7.4
     assert 0.0 < min(gusts) < 0.004

@@ -7,7 +7,8 @@ from math import inf
 
 import numpy as np
 import pytest
-from test_still_lines import flight, signs
+from by_hand import signs
+from test_still_lines import flight
 
 from tgl_soar.analysis.experiments.paper.air_speed import (
     SpeedScore,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot, inf
 
-from test_still_lines import signs
+from by_hand import signs
 
 from tgl_soar.analysis.experiments.paper.line_lean import (
     HELD_M,

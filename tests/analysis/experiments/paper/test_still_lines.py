@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, nan
 
 import pytest
+from by_hand import PLAIN, signs
 
 from tgl_soar.analysis.experiments.flights import (
     FlownScenario,
-    ScoredLeg,
     mean_of_flights,
     rms_error,
 )
@@ -23,12 +22,7 @@ from tgl_soar.analysis.experiments.paper.still_lines import (
     place_claim,
     settled_claim,
 )
-from tgl_soar.analysis.experiments.result import Claim
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
-
-
-def signs(claims: Sequence[Claim]) -> str:
-    return "".join("?" if c.undecided else "✓" if c.holds else "✗" for c in claims)
 
 
 def leg(
@@ -116,25 +110,8 @@ def test_dispersion_that_is_not_the_formulas_is_not_laid_on_the_stall_where_none
 
 
 def flight(legs: int, ended: str = "") -> FlownScenario:
-    scored = ScoredLeg(
-        line="a",
-        target=TargetLine(0.0, 1.0, eta_from_lean(0.3)),
-        begin_s=0.0,
-        end_s=20.0,
-        settling_s=1.0,
-        rms_e_rho_m=0.005,
-        peak_e_rho_m=0.02,
-        mean_e_rho_m=0.001,
-        rms_y_m=0.1,
-        rms_bank_rad=0.02,
-        mean_x_m=0.0,
-        mean_z_m=1.0,
-        along_m=0.0,
-        dispersion_m=0.03,
-        predicted=None,
-        predicted_along_m=nan,
-        scored_s=15.0,
-    )
+    leaning = TargetLine(0.0, 1.0, eta_from_lean(0.3))
+    scored = replace(PLAIN, target=leaning, predicted_along_m=nan)
     return FlownScenario(seed=1, ended=ended, duration_s=20.0, legs=(scored,) * legs, path={})
 
 
