@@ -46,7 +46,8 @@ LIBRARY: Final = "__mypyc"  # the end of its name: it holds the code of all modu
 DOORS: Final = ("config", "control", "estimation", "link", "onboard")  # folders of what flies
 _MADE_BY: Final = ("compile.py", "direct_tuples.py", "direct_tuples.c")  # of the command line
 
-# What every tick goes through.  What reads files, declares or starts things stays as it is.
+# What a tick spends its time in.  What reads files, declares or starts things, and the switches and
+# watches that look a few times a second, stay as they are.
 MODULES: Final = (
     "tgl_soar.types",
     "tgl_soar.geometry",

@@ -17,6 +17,7 @@ from tgl_soar.sim.vehicle.vehicle_clock import VehicleClock
 from tgl_soar.sim.vehicle.vehicle_links import MessageStream, VehicleLink
 
 _RATE_FRACTION: Final = 0.8  # of SCHED_LOOP_RATE: faster streams are denied
+_LONGEST_S: Final = 2000.0  # MESSAGE_INTERVAL tells microseconds in 32 bits: 2147 s at most
 
 # Hz on a link to the ground until somebody asks; a companion asks for what it wants.
 GROUND_RATES_HZ: Final = {
@@ -84,7 +85,8 @@ class MessageStreams:
                 self.set_interval(link, message_id, interval_s)
 
     def set_interval(self, link: VehicleLink, message_id: int, interval_s: float) -> int:
-        """Stream a message every so many whole steps; 0: its default rate, negative: never.
+        """Stream a message every so many whole steps, every 2000 s at least; 0: its default rate,
+        negative: never.
 
         The result of the command that asked for it.
         """
@@ -98,7 +100,7 @@ class MessageStreams:
             return int(mavlink.MAV_RESULT_ACCEPTED)
         if interval_s < (1.0 - 1e-6) / (_RATE_FRACTION * self._parameters["SCHED_LOOP_RATE"]):
             return int(mavlink.MAV_RESULT_DENIED)
-        interval_steps = max(1, round(min(interval_s, 3600.0) * self._clock.step_hz))
+        interval_steps = max(1, round(min(interval_s, _LONGEST_S) * self._clock.step_hz))
         link.streams[message_id] = MessageStream(interval_steps, self._clock.steps + 1)
         # The attitude is what a companion waits for: whatever else is due goes out before it.
         last = link.streams.pop(mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, None)

@@ -314,6 +314,21 @@ def test_winds_table_goes_by_step_and_then_by_line() -> None:
     assert rows[13][-1] == "1"  # lost on b
 
 
+def first_order_at(mps: float) -> float:
+    """How far the place of line a moves along it for each m/s, in a wind that is `mps` [m/s]."""
+    base = scenario("wind")
+    target = prepare(base).lines["a"].target
+    still = pinned(msgspec.structs.replace(base, first_line="a", changes=[]), "a", target)
+    step = 0.01
+    moved = [
+        crossing_along(prepare(msgspec.structs.replace(still, wind=held)), "a", 0.0)
+        for held in (
+            WindSchedule(times_s=[0.0, 1.0], mps=[mps + by, mps + by]) for by in (-step, step)
+        )
+    ]
+    return (moved[1] - moved[0]) / (2.0 * step)
+
+
 def test_winds_numbers_are_those_of_the_contour_before_half_way_and_after() -> None:
     """The sensitivity anew: E grows by u · margin / V for each m/s of a wind of V, and the place
     by that over the slope of excess updraft along the line."""
@@ -353,6 +368,7 @@ def test_winds_numbers_are_those_of_the_contour_before_half_way_and_after() -> N
         assert found["predicted_m"] == pytest.approx(moved[9.5] - moved[8.5], abs=1e-4)
     small, whole = (result[f"a, {step}, calm"] for step in ("8.25 → 8.75", "8.5 → 9.5"))
     assert small["half_way_m"] == pytest.approx(0.5 * whole["first_order_m"], rel=1e-3)
+    assert small["first_order_m"] == pytest.approx(0.5 * first_order_at(8.25), rel=5e-3)
     assert wind_result()[0].numbers["best_glide_mps"] == pytest.approx(
         prepare(base).lines["c"].crossing.wind_mps, abs=0.02  # type: ignore[union-attr]
     )  # fmt: skip
