@@ -4,9 +4,10 @@ The copies are whole, so that processes that tests start fly the mutant too.  A 
 be imported, and one that never ends, count as noticed.  A test that fails in the unchanged copy as
 well notices nothing: it is left out from then on.
 
-A mutant's tests share its processor time.  So of a file's tests those that are known to take long
-come last, and numba is hidden: tests that compile kernels, which takes minutes for each mutant,
-skip themselves, and the others of their files run.
+A mutant's tests share its processor time.  So for half of it those that are known to take long
+wait, whatever their file, as one file of long tests would leave nothing to the others.  And numba
+is hidden: tests that compile kernels, which takes minutes for each mutant, skip themselves, and the
+others of their files run.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ BUDGET_S: Final = 30.0  # processor time for a mutant's tests, its processes' in
 PROGRESS: Final = 10  # mutants from one line of progress to the next
 LOOPING_S: Final = 60.0  # processor time beyond it: no test takes as much
 HANGING_S: Final = 900.0  # on the clock, for a mutant that waits forever
-SLOW_S: Final = 1.0  # a test that takes longer comes after the others of its file
+SLOW_S: Final = 1.0  # a test that takes longer waits for those that take less
 # Loaded once, before a process is split off for each mutant: what the tests load but for us.
 AHEAD: Final = (
     *("numpy", "scipy.optimize", "scipy.signal", "scipy.spatial", "hypothesis", "typer.testing"),
@@ -75,15 +76,15 @@ class Verdict(NamedTuple):
 class _Watch:
     """Stops at the first failure or when the time is used up, and knows which it was."""
 
-    def __init__(
-        self, budget_s: float, broken: frozenset[str], slow: Mapping[str, float], stem: str
-    ) -> None:
+    def __init__(self, broken: frozenset[str], slow: Mapping[str, float], stem: str) -> None:
         self.failed = ""
         self.is_over = False
         self.slow = dict(slow)  # tests, and how long they take [s]
         self.tried = Tried("")
+        self.until_s = 0.0  # processor time
+        self.is_slow_turn = False  # those that are known to take long, or the others
+        self._known_slow = frozenset(slow)
         self._stem = stem
-        self._budget_s = budget_s
         self._broken = broken
 
     @pytest.hookimpl(trylast=True)
@@ -97,6 +98,7 @@ class _Watch:
             is_out = item.nodeid in self._broken or left_out(item)
             is_out |= item.nodeid in self.tried.but
             is_out |= bool(self.tried.only) and item.nodeid not in self.tried.only
+            is_out |= self.is_slow_turn == (item.nodeid not in self._known_slow)
             (others if is_out else kept).append(item)
         items[:] = sorted(kept, key=self._turn)
         config.hook.pytest_deselected(items=others)
@@ -106,10 +108,13 @@ class _Watch:
         is_named = re.search(rf"(?<![a-z]){self._stem}(?![a-z])", item.name) is not None
         return not is_named, self.slow.get(item.nodeid, 0.0)
 
+    def has_slow(self, file: str) -> bool:
+        """Whether any test of a file is known to take long."""
+        return any(test.partition("::")[0] == file for test in self._known_slow)
+
     def pytest_runtest_logfinish(self) -> None:
         """Ends the run once the time is used up."""
-        times = os.times()
-        self.is_over = sum(times[:4]) > self._budget_s
+        self.is_over = sum(os.times()[:4]) > self.until_s
         if self.is_over and not self.failed:
             pytest.exit("the mutant's time is used up", returncode=0)
 
@@ -140,19 +145,34 @@ def _judge(
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
     sys.modules[HIDDEN] = None  # type: ignore[assignment]  # whoever looks for it finds none
-    watch = _Watch(budget_s + sum(os.times()[:4]), broken, slow, stem)
-    for test in tests:
-        if test.file not in broken:
-            watch.tried = test
-            options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
-            code = pytest.main([*options, test.file], plugins=[watch])
-            known = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
-            Path(_SLOW).write_text(json.dumps(watch.slow), encoding="utf-8")
-            if watch.failed or code not in known:
-                return watch.failed or test.file
-            if watch.is_over:
-                break
-    return ""
+    watch = _Watch(broken, slow, stem)
+    began_s = sum(os.times()[:4])
+    sound = [test for test in tests if test.file not in broken]
+    halfway = _run(watch, sound, began_s + 0.5 * budget_s, is_slow_turn=False)
+    if watch.failed:
+        return watch.failed
+    long = [test for test in sound if watch.has_slow(test.file)]
+    _run(watch, long, began_s + budget_s, is_slow_turn=True)
+    if not watch.failed:
+        _run(watch, sound[halfway:], began_s + budget_s, is_slow_turn=False)
+    return watch.failed
+
+
+def _run(watch: _Watch, tests: Sequence[Tried], until_s: float, *, is_slow_turn: bool) -> int:
+    """Run tests until one fails or until that processor time; how many files were run whole."""
+    watch.until_s, watch.is_slow_turn, watch.is_over = until_s, is_slow_turn, False
+    for count, test in enumerate(tests):
+        watch.tried = test
+        options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly"]
+        code = pytest.main([*options, test.file], plugins=[watch])
+        known = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+        Path(_SLOW).write_text(json.dumps(watch.slow), encoding="utf-8")
+        if watch.failed or code not in known:
+            watch.failed = watch.failed or test.file
+            return count
+        if watch.is_over:
+            return count
+    return len(tests)
 
 
 def started(

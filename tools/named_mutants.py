@@ -58,8 +58,8 @@ NAMED: Final = (
     # What one law is told of another.
     Named(
         "control/surface_loops.py",
-        "            dt_s,\n            state.limited.elevator_blocked,\n        )\n",
-        "            dt_s,\n            0,\n        )\n",
+        "            dt_s,\n            state.limited.elevator_blocked,\n",
+        "            dt_s,\n            0,\n",
         "the pitch loop is not told that the elevator is blocked",
     ),
     Named(
