@@ -17,7 +17,7 @@ CHAPTERS = {
         "operator", "outdoors", "point", "page", "sites", "hardware", "autopilots", "optitrack",
         "sensors", "safety", "modes",
     ),
-    "Look up": ("parameters", "logs"),
+    "Look up": ("files", "parameters", "logs"),
     "Understand": (
         "theory", "margins", "experiments", "aims", "campaigns", "gym", "search",
         "identification", "performance",

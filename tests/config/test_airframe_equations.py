@@ -139,7 +139,8 @@ def test_a_servos_lag_and_delay() -> None:
 
 @pytest.mark.parametrize(("key", "name"), [
     ("speed_mps", "DYN_SPEED"), ("short_period_radps", "DYN_FREQ"), ("damping", "DYN_DAMP"),
-    ("elevator_effect_radps2", "DYN_EFFECT"), ("servo_s", "DYN_SERVO"), ("servo_lag_s", "DYN_LAG"),
+    ("elevator_effect_radps2", "DYN_EFFECT"), ("elevator_lift_mps2", "DYN_LIFT"),
+    ("servo_s", "DYN_SERVO"), ("servo_lag_s", "DYN_LAG"),
     ("path_s", "DYN_PATH"), ("glide_ratio", "DYN_GLIDE"), ("best_glide_mps", "DYN_BEST"),
     ("command_delay_s", "CMD_DELAY"),
 ])  # fmt: skip

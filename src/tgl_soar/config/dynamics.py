@@ -17,13 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite, sqrt
-from typing import Final
+from typing import Annotated, Final
+
+from msgspec import Meta
 
 from tgl_soar.config.strict import Measured, Strict
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
 DENSITY_KGPM3: Final = 1.225  # of the air at the sea, where a file says nothing else
 LIFT_MAX_MPS2: Final = 200.0  # of a full elevator
+Lift = Annotated[float, Meta(ge=-LIFT_MAX_MPS2, le=LIFT_MAX_MPS2)]
 USUAL_LAG_S: Final = 0.0185  # of a digital servo of this size, by 54 rad/s
 # From a sensor to the servo's input [s] by firmware and route, where nobody has measured it: the
 # medians of docs/autopilots.md.  ArduPlane takes overrides up 50 times a second, attitudes at once.
@@ -37,6 +40,7 @@ _KEYS: Final = {
     "short_period_radps": "DYN_FREQ",
     "damping": "DYN_DAMP",
     "elevator_effect_radps2": "DYN_EFFECT",
+    "elevator_lift_mps2": "DYN_LIFT",
     "servo_s": "DYN_SERVO",
     "servo_lag_s": "DYN_LAG",
     "path_s": "DYN_PATH",
@@ -49,10 +53,11 @@ _KEYS: Final = {
 class MeasuredDynamics(Strict, frozen=True):
     """`[dynamics]` of an airframe file; None: as the model has it."""
 
-    speed_mps: Measured | None = None  # at which the next four hold
+    speed_mps: Measured | None = None  # at which the next five hold
     short_period_radps: Measured | None = None
     damping: Measured | None = None
-    elevator_effect_radps2: Measured | None = None
+    elevator_effect_radps2: Measured | None = None  # of a full deflection
+    elevator_lift_mps2: Lift | None = None  # of one, too; of a tail below 0
     path_s: Measured | None = None
     servo_s: Measured | None = None  # lag and delay together
     servo_lag_s: Measured | None = None  # of that, the time constant
