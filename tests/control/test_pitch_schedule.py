@@ -393,13 +393,28 @@ def test_an_early_elevator_pays_for_old_attitudes_first() -> None:
 def test_the_age_is_averaged_so_that_a_hiccup_hardly_counts() -> None:
     age, dt = 0.005, 0.005
     for tick in range(10):  # 50 ms without an attitude
-        age = age_step(age, 0.005 + tick * dt, dt)
+        age = age_step(age, 0.005 + tick * dt, 0.2, True, dt)
     assert schedule_at_age(AS_FOUND, age).stiffness > 0.94 * AS_FOUND.stiffness
     for _ in range(round(3.0 * AGE_UP_S / dt)):
-        age = age_step(age, 0.1, dt)
+        age = age_step(age, 0.1, 0.2, True, dt)
     assert age == pytest.approx(0.1, rel=0.06)
     for _ in range(round(AGE_DOWN_S / dt)):
-        age = age_step(age, 0.0, dt)
+        age = age_step(age, 0.0, 0.2, True, dt)
     assert age == pytest.approx(0.0368, abs=0.003)
-    assert age_step(0.02, nan, dt) == 0.02
-    assert age_step(0.02, inf, dt) == 0.02
+    assert age_step(0.02, nan, 0.2, True, dt) == 0.02
+    assert age_step(0.02, inf, 0.2, True, dt) == 0.02
+
+
+def test_a_silence_before_a_flight_does_not_lower_its_gains() -> None:
+    """A minute without attitudes, then a second with them: the flight begins with its gains."""
+    age, dt = 0.005, 0.005
+    for tick in range(12_000):
+        age = age_step(age, tick * dt, 0.2, False, dt)
+    assert age == pytest.approx(0.2)
+    for _ in range(round(1.0 / dt)):
+        age = age_step(age, 0.005, 0.2, False, dt)
+    assert age < 0.0075 + 0.01
+    assert schedule_at_age(AS_FOUND, age).stiffness > 0.8 * AS_FOUND.stiffness
+    for _ in range(round(1.0 / dt)):
+        age = age_step(age, 0.005, 0.2, False, dt)
+    assert schedule_at_age(AS_FOUND, age) == AS_FOUND

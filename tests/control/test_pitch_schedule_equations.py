@@ -179,10 +179,10 @@ def test_age_and_speed_are_averaged_over_as_long_as_is_said() -> None:
     """63 % after the time: up in 0.3 s, down in 2 s, a speed in 2 s."""
     age, speed = 0.0, 8.0
     for _ in range(60):
-        age = age_step(age, 0.02, 0.005)
+        age = age_step(age, 0.02, 0.2, True, 0.005)
     assert age == pytest.approx(0.02 * 0.632, rel=0.02)
     for _ in range(400):
-        age, speed = age_step(age, 0.0, 0.005), speed_step(speed, 10.0, 0.005)
+        age, speed = age_step(age, 0.0, 0.2, True, 0.005), speed_step(speed, 10.0, 0.005)
     assert age == pytest.approx(0.02 * 0.632 * 0.368, rel=0.02)
     assert speed == pytest.approx(8.0 + 2.0 * 0.632, rel=0.005)
 

@@ -148,6 +148,7 @@ def estimate(
         laws.pitch_trim, before.pitch_trim, glide, air.updraft_mps, air.airspeed_mps, dt_s
     )
     margins = margins_of(laws, inputs, vehicle, health, air, motion.shift, ground_range, flying)
+    age_s, oldest_s = health.attitude_age_s, laws.health.attitude_age_max_s
     if ground_range.correction_m != 0.0:
         vehicle = vehicle._replace(z_m=vehicle.z_m + ground_range.correction_m)
     return Estimates(
@@ -169,7 +170,7 @@ def estimate(
             gust_pitch_rad=gust,
             imu_weight=weight_step(before.imu_weight, quality.inertial, dt_s),
             gain_speed_mps=speed_step(before.gain_speed_mps, air.airspeed_mps, dt_s),
-            gain_age_s=age_step(before.gain_age_s, health.attitude_age_s, dt_s),
+            gain_age_s=age_step(before.gain_age_s, age_s, oldest_s, flying, dt_s),
             confident_s=motion.fix.time_s if health.position_ok else before.confident_s,
             rangefinder=rangefinder,
         ),

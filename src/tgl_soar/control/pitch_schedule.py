@@ -222,11 +222,16 @@ def lateness(airframe: Dynamics) -> float:
     return airframe.late_s - (1.0 - LAG_FRACTION) * lag_s + HOLD_S
 
 
-def age_step(before_s: float, age_s: float, dt_s: float) -> float:
-    """The averaged age of attitudes a tick later; NaN or infinite: not known, it stays."""
+def age_step(before_s: float, age_s: float, most_s: float, flying: bool, dt_s: float) -> float:
+    """The averaged age of attitudes a tick later; NaN or infinite: not known, it stays.
+
+    most_s: what is older is not flown with, and counts as no more.  Out of control the average
+    forgets as soon as it learns, so that a silence does not lower the gains of a flight after it.
+    """
     if not (isfinite(age_s) and age_s >= 0.0):
         return before_s
-    time_s = AGE_UP_S if age_s > before_s else AGE_DOWN_S
+    age_s = min(age_s, most_s)
+    time_s = AGE_UP_S if age_s > before_s or not flying else AGE_DOWN_S
     return before_s + dt_s / (time_s + dt_s) * (age_s - before_s)
 
 
