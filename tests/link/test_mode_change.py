@@ -100,6 +100,64 @@ def test_without_heartbeats_nothing_is_asked_for() -> None:
     assert "no heartbeat" in beats.change.failed
 
 
+def back(beats: Beats, mode: int) -> bool:
+    """A heartbeat after a silence; whether ours is to be left."""
+    beats.mode = beats.shown = mode
+    beats.received_s = beats.now_s
+    return beats.change.comes_back(beats.received_s, mode == GUIDED, mode, False)
+
+
+@pytest.mark.parametrize("silent_s", [PATIENCE_S + 0.1, 60.0])
+def test_ours_is_left_after_a_silence_too(silent_s: float) -> None:
+    """The link was lost while GUIDED was flown: nobody would come back for the aircraft."""
+    beats = guided(1e9)
+    beats.mode = beats.shown = GUIDED
+    beats.change.enter(10.0, 10.0, 2)
+    beats.change.poll(10.2, 10.2, True, GUIDED)
+    beats.change.leave(beats.now_s, beats.received_s)
+    beats.run(silent_s)
+    assert beats.asked == []
+    assert "does not leave GUIDED (no heartbeat shows it)" in beats.change.failed
+    assert not beats.change.is_changing
+    assert back(beats, GUIDED)
+    assert not beats.change.comes_back(beats.received_s, True, GUIDED, False)  # told once
+    beats.change.leave(beats.now_s, float("-inf"))
+    beats.run(0.1)
+    assert [mode for _, mode in beats.asked] == [2]  # where it was found
+
+
+def test_an_entry_that_nobody_saw_is_left_when_it_is_seen() -> None:
+    beats = guided(0.2)
+    beats.change.enter(10.0, 10.0, FBWA)
+    beats.run(0.3)
+    beats.every_s = 1e9
+    beats.run(PATIENCE_S)
+    assert [mode for _, mode in beats.asked] == [GUIDED]
+    assert "no heartbeat" in beats.change.failed
+    assert back(beats, GUIDED)
+
+
+@pytest.mark.parametrize("mode", [FBWA, LOITER])
+def test_another_mode_after_a_silence_is_the_pilot_s(mode: int) -> None:
+    beats = guided(1e9)
+    beats.mode = beats.shown = GUIDED
+    beats.change.leave(10.0, 10.0)
+    beats.run(PATIENCE_S + 0.1)
+    assert not back(beats, mode)
+    assert not back(beats, GUIDED)  # what is chosen later is not ours
+    refused = guided(0.2)
+    refused.change.enter(10.0, 10.0, FBWA)
+    refused.change.stop()
+    assert not back(refused, GUIDED)
+
+
+def test_an_entry_that_was_never_asked_for_is_not_left() -> None:
+    beats = guided(1e9)
+    beats.change.enter(10.0, 10.0, FBWA)
+    beats.run(PATIENCE_S + 0.1)
+    assert not back(beats, GUIDED)
+
+
 @pytest.mark.parametrize("when_s", [0.05, 0.3, 0.5, 0.9])
 @pytest.mark.parametrize("every_s", [0.2, 1.0])
 def test_the_pilot_s_choice_ends_the_asking(when_s: float, every_s: float) -> None:

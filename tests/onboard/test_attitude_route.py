@@ -338,6 +338,28 @@ def test_a_mode_that_a_failsafe_gives_back_is_left(quickens: bool) -> None:
     assert asked_modes(flight) == [GUIDED, FBWA]
 
 
+@pytest.mark.parametrize("silent_s", [1.0, 8.0, 30.0])
+def test_a_mode_that_a_lost_link_kept_is_left_when_the_link_is_back(silent_s: float) -> None:
+    """Setpoints have ended, and GUIDED would circle over the place where it was entered."""
+    flight = Guided()
+    flight.mode = FBWA
+    flight.run(1.6)
+    flight.set("OP_ENGAGE", 1.0)
+    flight.run(2.0)
+    assert is_flying(flight.mode_now)
+    never = flight.now_s + silent_s + 0.01
+    flight._due = dict.fromkeys(flight._due, never)
+    flight.enters = False  # nor does it hear what is asked
+    flight.run(silent_s)
+    assert not is_flying(flight.mode_now)
+    flight.enters = True
+    flight.run(3.0)
+    assert flight.mode == FBWA
+    assert asked_modes(flight)[-1] == FBWA
+    said = any("still in GUIDED" in text for text in flight.console)
+    assert said == (silent_s > 5.0)
+
+
 def test_a_mode_that_somebody_chooses_in_a_failsafe_or_after_it_stays() -> None:
     for others in (
         [(GUIDED, mavlink.MAV_STATE_CRITICAL)],  # nothing is given back while it lasts

@@ -12,7 +12,9 @@ chooses modes too, and their word is final:
 
 A firmware changes the mode by itself, too, in a failsafe, and ArduPlane gives GUIDED back as soon
 as its short one is over: to nobody, for the module has disengaged.  So a mode that comes back at
-the end of a failsafe, from the one that the failsafe had put in its place, is left as well.
+the end of a failsafe, from the one that the failsafe had put in its place, is left as well.  So is
+ours where heartbeats were missing for so long that nobody knew whether it had been entered or left,
+and the next one shows it.
 
 What remains is a choice that crosses a request on its way: the link's latency, once.  Whether
 the mode has changed is known by the heartbeat alone: an acknowledgement may be lost, and PX4
@@ -49,6 +51,7 @@ class ModeChange:
         self._tries = 0
         self._given_way = False  # a failsafe has put another mode in the place of ours
         self._in_its_place = -1  # custom_mode of that; -1: no heartbeat looked at yet
+        self.is_unseen = False  # ours may have been entered, or not left: no heartbeat has shown it
 
     @property
     def is_changing(self) -> bool:
@@ -94,7 +97,7 @@ class ModeChange:
         """Ask for nothing any more; the mode of before counts only while ours was entered."""
         self._wanted = -1
         self._before = self._flavour.route.mode_to_leave
-        self._given_way = False
+        self._given_way = self.is_unseen = False
 
     def give_way(self) -> None:
         """A failsafe has put another mode in the place of ours, which may come back after it."""
@@ -103,10 +106,14 @@ class ModeChange:
         self._in_its_place = -1
 
     def comes_back(self, heartbeat_s: float, obeys: bool, custom_mode: int, failsafe: bool) -> bool:
-        """Whether our mode has come back from a failsafe: then it is to be left."""
-        if not self._given_way or heartbeat_s <= self._looked_s:
+        """Whether our mode has come back from a failsafe, or out of a silence: then it is to be
+        left."""
+        if not (self._given_way or self.is_unseen) or heartbeat_s <= self._looked_s:
             return False
         self._looked_s = heartbeat_s
+        if self.is_unseen:
+            self.is_unseen = False
+            return obeys
         if self._in_its_place < 0 and not obeys:
             self._in_its_place = custom_mode
         # Over without ours, or a mode chosen in it, be it ours: nothing is given back any more.
@@ -126,7 +133,7 @@ class ModeChange:
             self._looked_s = heartbeat_s
             return self._look(now_s, obeys, custom_mode)
         if now_s >= self._until_s:
-            self._give_up("no heartbeat shows it")
+            self._give_up("no heartbeat shows it", unseen=True)
         return ()
 
     def _look(self, now_s: float, obeys: bool, custom_mode: int) -> tuple[Outbound, ...]:
@@ -144,24 +151,26 @@ class ModeChange:
             self.stop()
         elif answered:
             if self._tries >= TRIES:
-                self._give_up(f"asked {TRIES} times")
+                self._give_up(f"asked {TRIES} times", unseen=False)
             else:
                 self._tries += 1
                 self._asked_s = now_s
                 return (self._flavour.ask_for_mode(self._wanted),)
         return ()
 
-    def _give_up(self, why: str) -> None:
-        mode = self._flavour.route.mode
+    def _give_up(self, why: str, *, unseen: bool) -> None:
+        mode, before = self._flavour.route.mode, self._before
         if self._to_enter:
             self.failed = f"not engaged: the autopilot does not enter {mode} ({why})"
-        elif self._tries > 0:
+            unseen = self._tries > 0  # a request may have come late
+        else:
             self.failed = f"the autopilot does not leave {mode} ({why}): take it out of it"
         self.stop()
+        self._before, self.is_unseen = before, unseen
 
     def _begin(self, wanted: int, now_s: float, heartbeat_s: float, *, to_enter: bool) -> None:
         self.failed = ""
-        self._given_way = False
+        self._given_way = self.is_unseen = False
         self._wanted, self._to_enter = wanted, to_enter
         self._tries, self._asked_s = 0, float("-inf")
         self._looked_s = heartbeat_s
