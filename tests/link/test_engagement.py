@@ -214,6 +214,40 @@ def test_a_late_message_is_no_measure_of_those_that_follow() -> None:
     assert pilot.moves(HIGH, stamp_ms=50_100) == ENGAGE
 
 
+@pytest.mark.parametrize("ahead_ms", [400, 700, 2_000, 8_000, 12_000, 10**6])
+def test_one_stamp_ahead_does_not_deafen_the_switch(ahead_ms: int) -> None:
+    pilot = Pilot()
+    for stamp_ms in range(50_000, 52_000, 100):
+        pilot.moves(MIDDLE, stamp_ms=stamp_ms)
+    pilot.moves(MIDDLE, stamp_ms=51_950 + ahead_ms, after_s=0.05)
+    heard = [pilot.moves(LOW, stamp_ms=stamp_ms) for stamp_ms in range(52_000, 52_700, 100)]
+    assert RELEASE in heard[: 6 if ahead_ms <= 500 else 1]
+
+
+@pytest.mark.parametrize("apart_s", [0.1, 60.0])
+def test_two_stamps_ahead_that_go_on_are_the_clock(apart_s: float) -> None:
+    """A clock that was set; wrong stamps now and then are none."""
+    pilot = Pilot()
+    pilot.moves(MIDDLE, stamp_ms=50_000)
+    pilot.moves(MIDDLE, stamp_ms=60_000)
+    between = 50_000 + round(1e3 * (apart_s - 0.1)) + 100
+    if apart_s > 1.0:
+        pilot.moves(MIDDLE, stamp_ms=between, after_s=apart_s - 0.1)
+    pilot.moves(MIDDLE, stamp_ms=60_000 + round(1e3 * apart_s))
+    obeyed = pilot.moves(LOW, stamp_ms=60_000 + round(1e3 * apart_s) - 50)  # an earlier one
+    assert obeyed == (NOTHING if apart_s < 1.0 else RELEASE)
+
+
+def test_a_leap_that_the_time_explains_is_none() -> None:
+    pilot = Pilot()
+    pilot.moves(MIDDLE, stamp_ms=50_000)
+    pilot.moves(MIDDLE, stamp_ms=55_000, after_s=5.0)
+    assert pilot.moves(LOW, stamp_ms=54_900) == NOTHING
+    pilot.switch.reset()  # by another clock nobody knows how much has passed
+    pilot.moves(MIDDLE, stamp_ms=70_000)
+    assert pilot.moves(LOW, stamp_ms=69_900) == NOTHING
+
+
 def test_a_late_message_ends_no_silence() -> None:
     pilot = Pilot()
     pilot.moves(LOW, stamp_ms=50_000)

@@ -8,7 +8,8 @@ The switch is a channel of the pilot's transmitter, as RC_CHANNELS carries it:
 
 Only the way up from a low that was received engages: a switch that is up when the module starts, or
 when RC_CHANNELS come back after a silence, does not.  Nor does an earlier message that comes behind
-a later one, or twice: the pilot's way out would be undone by the way in before it.
+a later one, or twice: the pilot's way out would be undone by the way in before it.  A stamp that
+leaps ahead of the time that has passed makes nothing late until a second one goes on from there.
 
 A pilot who has a switch counts on it.  So it cannot be engaged while its channel is not received:
 no RC_CHANNELS, too few channels in them, or no pulses on it.  In flight such a silence is reported
@@ -30,6 +31,7 @@ SILENCE_S: Final = 1.0
 GONE_S: Final = 3.0
 PULSES_US: Final = range(700, 2301)  # anything else is no pulse width
 HELD_MS: Final = round(1e3 * HELD_S)  # a stamp that is further back is that of a restart
+LEAP_MS: Final = 500  # no delay of a message before it makes its stamp seem so far ahead
 _STAMPS: Final = 2**32  # they begin again at zero
 
 
@@ -42,6 +44,8 @@ class PilotSwitch:
         self._pulse_us = 0  # of ours in it
         self._received_s = float("-inf")  # when that came
         self._stamp_ms = 0  # of the newest
+        self._stamp_s = float("-inf")  # when that came
+        self._leap_ms, self._leap_s = 0, float("-inf")  # of one that leapt ahead
         self._low = False  # now
         self._primed = False  # a low was received, and no silence since
         self._pulse_s = float("-inf")  # a pulse
@@ -55,6 +59,7 @@ class PilotSwitch:
         """The clock was changed, or there is no switch."""
         self._low = self._primed = False
         self._pulse_s = self._received_s = float("-inf")
+        self._stamp_s = self._leap_s = float("-inf")
 
     def silence_s(self, now_s: float) -> float:
         """For how long no pulse was received."""
@@ -77,7 +82,7 @@ class PilotSwitch:
         if channel != self._channel:
             self._channel = channel
             self.reset()
-        if self._is_late(message.time_boot_ms):
+        if self._is_late(message.time_boot_ms, now_s):
             return NOTHING
         self._received_s, self._count = now_s, min(message.chancount, len(message.channels))
         if not 1 <= channel <= self._count:
@@ -97,13 +102,26 @@ class PilotSwitch:
             return ENGAGE
         return NOTHING
 
-    def _is_late(self, stamp_ms: int) -> bool:
+    def _is_late(self, stamp_ms: int, now_s: float) -> bool:
         """Whether a later message has come before, or the same."""
-        before_ms, self._stamp_ms = self._stamp_ms, stamp_ms
-        if 0 in (stamp_ms, before_ms) or (before_ms - stamp_ms) % _STAMPS >= HELD_MS:
-            return False
-        self._stamp_ms = before_ms
-        return True
+        if 0 not in (stamp_ms, self._stamp_ms):
+            if (self._stamp_ms - stamp_ms) % _STAMPS < HELD_MS:
+                return True
+            if _ahead_ms(self._stamp_ms, stamp_ms, now_s - self._stamp_s) > LEAP_MS:
+                since_s = now_s - self._leap_s
+                goes_on = since_s <= SILENCE_S
+                goes_on &= abs(_ahead_ms(self._leap_ms, stamp_ms, since_s)) <= LEAP_MS
+                self._leap_ms, self._leap_s = stamp_ms, now_s
+                if not goes_on:
+                    return False
+        self._stamp_ms, self._stamp_s = stamp_ms, now_s
+        return False
+
+
+def _ahead_ms(before_ms: int, stamp_ms: int, passed_s: float) -> float:
+    """By how much a stamp is further on from another than the time that has passed."""
+    on_ms = (stamp_ms - before_ms + _STAMPS // 2) % _STAMPS - _STAMPS // 2
+    return on_ms - 1e3 * passed_s
 
 
 class Engagement:
