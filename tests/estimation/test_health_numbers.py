@@ -280,6 +280,73 @@ def test_the_mean_of_forces_is_taken_over_two_seconds_fifty_times_a_second() -> 
     assert watched.state.tilt[1:] == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("silent_s", [0.02, 0.1, 0.8])
+@pytest.mark.parametrize("force", [(390.0, 390.0, 390.0), (0.0, 0.0, -390.0), (-50.0, 0.0, -G)])
+def test_no_single_sample_says_that_they_disagree(
+    force: tuple[float, float, float], silent_s: float
+) -> None:
+    watched = Watched()
+    watched.attitude(0.98, 0.0)
+    for k in range(100):
+        watched.felt(1.0 + 0.02 * k, tilted(0.0))
+    found = watched.felt(2.98 + silent_s, force)
+    assert not found.faults & h.DISAGREES
+    assert sum(off * off for off in watched.state.tilt[1:]) < 0.14**2  # a third of the limit
+
+
+def test_a_throw_by_hand_is_no_wrong_attitude() -> None:
+    """From standing to 10 m/s in a fifth of a second: 5 g along the nose."""
+    watched, found = Watched(), None
+    watched.attitude(0.98, 0.0)
+    for k in range(100):
+        watched.felt(1.0 + 0.02 * k, tilted(0.0))
+    for k in range(10):
+        found = watched.felt(3.0 + 0.02 * k, (50.0, 0.0, -G))
+        assert not found.faults & h.DISAGREES
+
+
+@pytest.mark.parametrize(("axis", "turned"), [(0, 1.0), (2, -1.0)])
+def test_an_attitude_that_is_far_off_is_told_within_two_seconds(axis: int, turned: float) -> None:
+    """Nose down, or on its back, while it says level: 1 and 2 g off."""
+    watched, time_s = Watched(), 1.0
+    watched.attitude(0.98, 0.0)
+    force = [0.0, 0.0, 0.0]
+    force[axis] = -turned * G
+    while not watched.felt(time_s, (force[0], force[1], force[2])).faults & h.DISAGREES:
+        time_s += 0.021
+        assert time_s < 3.0
+
+
+@pytest.mark.parametrize("norm", [30.0, 1e9, 0.0])
+def test_what_is_no_rotation_is_no_attitude_to_compare_with(norm: float) -> None:
+    watched = Watched()
+    watched.attitude(0.98, 0.0)
+    for k in range(100):
+        watched.felt(1.0 + 0.02 * k, tilted(0.0))
+    watched.attitude(2.99, 0.0, qw=norm, qx=norm, qy=norm)
+    found = watched.felt(3.0, tilted(0.0))
+    assert not found.faults & h.DISAGREES
+    assert watched.state.tilt == (3.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("silent_s", [0.02, 0.9])
+@pytest.mark.parametrize("velocity", [1e30, -1e30, 100.0])
+def test_one_absurd_velocity_is_no_other_frame(velocity: float, silent_s: float) -> None:
+    watched = Watched()
+    watched.fix(1.0)
+    assert not watched.fix(1.0 + silent_s, velocity_north_mps=velocity).faults & h.WRONG
+    assert not watched.fix(1.02 + silent_s).faults & h.WRONG
+
+
+@pytest.mark.parametrize("unit", [100.0, 1e9])
+def test_velocities_in_another_unit_are_told(unit: float) -> None:
+    watched, found = Watched(), None
+    for k in range(100):
+        found = watched.fix(1.0 + 0.02 * k, velocity_north_mps=unit)
+    assert found is not None
+    assert found.faults & h.WRONG
+
+
 def test_accelerations_of_more_than_a_second_ago_say_nothing() -> None:
     watched = Watched()
     watched.attitude(0.98, 0.0)

@@ -26,6 +26,8 @@ not, averaged over TILT_S: with no lasting acceleration f = −g, so that
 A turn is such an acceleration, tan of its bank: 0.4 from 21.8 degrees on, which is reported with
 25 degrees after two averaging times, with 30 after 1.2 of them.  The module's own turns
 stay below that (18 degrees beating, 20 on the way home) unless SIDE_BANK or BANK_MAX ask for more.
+One sample counts as no more than TILT_OFF_MAX, which a throw by hand exceeds for a third of a
+second, and for no longer than LONGEST_S: no single one, and no throw, says that they disagree.
 
 Surfaces answer where what the autopilot puts out lies between the lowest and the highest of
 our late commands, give or take a limit: the band shrinks towards the command that stands at
@@ -63,6 +65,10 @@ FAULT_S: Final = 1.0
 TILT_S: Final = 2.0
 TILT_MAX: Final = 0.4  # of g
 TILT_STEP_S: Final = 0.02  # accelerations are looked at no more often
+TILT_OFF_MAX: Final = 1.5  # of g; an attitude upside down is 2 off
+# What one sample counts for at most in a mean: no single one reaches its limit.
+FRAME_OFF_MAX_MPS: Final = 25.0
+LONGEST_S: Final = 0.1
 STALE_S: Final = 1.0  # accelerations and what is read back count for so long
 AIRSPEED_STALE_S: Final = 3.0
 DEAD_S: Final = 0.5
@@ -367,10 +373,10 @@ def _look_at_position(
         found |= JUMP
     has_velocity = isfinite(vn) and isfinite(ve) and isfinite(vd)
     if known and has_velocity and same_source and 0.0 < dt < FAULT_S and not found:
-        gain = dt / FRAME_S
-        off_n = frame.north_mps + gain * (moved_n / dt - vn - frame.north_mps)
-        off_e = frame.east_mps + gain * (moved_e / dt - ve - frame.east_mps)
-        off_d = frame.down_mps + gain * (moved_d / dt - vd - frame.down_mps)
+        gain, most = min(dt, LONGEST_S) / FRAME_S, FRAME_OFF_MAX_MPS
+        off_n = frame.north_mps + gain * (_within(moved_n / dt - vn, most) - frame.north_mps)
+        off_e = frame.east_mps + gain * (_within(moved_e / dt - ve, most) - frame.east_mps)
+        off_d = frame.down_mps + gain * (_within(moved_d / dt - vd, most) - frame.down_mps)
         if max(abs(off_n), abs(off_e), abs(off_d)) > FRAME_MPS:
             found |= WRONG
         frame = FrameState(off_n, off_e, off_d)
@@ -522,13 +528,19 @@ def _look_at_tilt(tilt: TiltState, inputs: Inputs) -> TiltState:
     z = imu.force_z_frd_mps2 / GRAVITY_MPS2 + 1.0 - 2.0 * (q.qx * q.qx + q.qy * q.qy)
     if not (isfinite(x + y + z) and 0.0 <= dt <= STALE_S):  # the first, or after a silence
         return TiltState(imu.time_s, 0.0, 0.0, 0.0)
-    gain = dt / TILT_S
+    if not is_rotation(q.qw, q.qx, q.qy, q.qz):
+        return TiltState(imu.time_s, tilt.x, tilt.y, tilt.z)
+    gain, most = min(dt, LONGEST_S) / TILT_S, TILT_OFF_MAX
     return TiltState(
         imu.time_s,
-        tilt.x + gain * (x - tilt.x),
-        tilt.y + gain * (y - tilt.y),
-        tilt.z + gain * (z - tilt.z),
+        tilt.x + gain * (_within(x, most) - tilt.x),
+        tilt.y + gain * (_within(y, most) - tilt.y),
+        tilt.z + gain * (_within(z, most) - tilt.z),
     )
+
+
+def _within(off: float, most: float) -> float:
+    return max(-most, min(most, off))
 
 
 def _look_at_surfaces(
