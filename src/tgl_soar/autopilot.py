@@ -26,7 +26,7 @@ from tgl_soar.control.conditions import (
 )
 from tgl_soar.control.envelope import CUT_NOSE_UP, Margins, brake_limit, unlimited
 from tgl_soar.control.envelope_margins import pitch_kept
-from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, initial_memory
+from tgl_soar.control.estimates import Estimates, EstimatorMemory, estimate, fresh, initial_memory
 from tgl_soar.control.excitation import (
     IDLE,
     NOT_SOARING,
@@ -243,7 +243,7 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     dt = min(DT_MAX_S, dt) if dt > 0.0 else 0.0  # NaN: the first tick
     flying = modes.is_flying(state.supervisor.mode)
     airborne = flying and not way.is_in_hand(state.launch_landing)
-    laws = with_push(laws, state.throttle)
+    laws, inputs = with_push(laws, state.throttle), fresh(inputs)
     estimates = estimate(laws, state.memory, inputs, airborne, state.loops.limited, dt)
     if flying:
         return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)

@@ -23,7 +23,7 @@ from tgl_soar.estimation.ground_range import (
 )
 from tgl_soar.estimation.health import AIRSPEED as AIRSPEED_FAULT
 from tgl_soar.estimation.health import RANGE as RANGE_FAULT
-from tgl_soar.estimation.health import HealthState, health_step, initial_health
+from tgl_soar.estimation.health import STALE_S, HealthState, health_step, initial_health
 from tgl_soar.estimation.motion import (
     IMU_SILENT_S,
     is_imu_valid,
@@ -43,6 +43,7 @@ from tgl_soar.types import (
     Inputs,
     MotionQuality,
     SurfaceCommand,
+    SurfacesSample,
     VehicleState,
     isfinite,
 )
@@ -95,6 +96,24 @@ def initial_memory() -> EstimatorMemory:
         gain_age_s=0.0,
         confident_s=NAN,
         rangefinder=NO_RANGE_STATE,
+    )
+
+
+def fresh(inputs: Inputs) -> Inputs:
+    """The same, where what was read back of the surfaces is too old to say where they are: then
+    that is not known."""
+    read = inputs.surfaces
+    if not inputs.time_s - read.time_s > STALE_S:  # true for NaN: none was read
+        return inputs
+    return inputs._replace(
+        surfaces=SurfacesSample(
+            sequence=read.sequence,
+            time_s=read.time_s,
+            elevator=NAN,
+            aileron=NAN,
+            rudder=NAN,
+            brake=NAN,
+        )
     )
 
 
