@@ -120,6 +120,21 @@ def test_a_tube_that_the_wing_contradicts_is_not(factor: float) -> None:
     assert LASTS_S - 2.0 * DT_S <= since_s < 2.0 * LASTS_S  # the first sample is the first mean
 
 
+@pytest.mark.parametrize("factor", [0.0, 9.0, 16.0, 1e6])
+def test_one_sample_says_nothing(factor: float) -> None:
+    """At ten samples a second it stands for a tenth: a raindrop, or a frame that is broken."""
+    state, since_s = watched(USUAL, 1.0, 2.0)
+    for reads, seconds in ((factor, 0.1), (1.0, 3.0)):
+        state, since_s = watched(USUAL, reads, seconds, state)
+        assert since_s == inf
+        assert not state.lies
+
+
+def test_a_tube_that_reads_far_too_fast_is_found_out() -> None:
+    state, _ = watched(USUAL, 1.0, 2.0)
+    assert watched(USUAL, 9.0, 3.0, state)[0].lies
+
+
 def test_slower_air_is_told_from_ice() -> None:
     # As slow as it glides at all, the tube is right, and so are lift, trim and force.
     slow = flight(AERO.stall_alpha_rad - AERO.stall_width_rad)

@@ -34,6 +34,9 @@ from typing import Final, NamedTuple
 from tgl_soar.estimation.aerodynamics import lift_drag, trim_alpha
 from tgl_soar.types import NAN, Aerodynamics, Inputs, VehicleState, isfinite
 
+# Of a mean square, that one sample counts for at most: a raindrop or a broken frame says nothing,
+# and a tube that really reads twice as fast is found out as soon.
+MOST_OF_MEAN: Final = 4.0
 AVERAGE_S: Final = 1.0  # a short period and a gust of some metres are over
 LASTS_S: Final = 0.5
 BELIEVED_S: Final = 5.0
@@ -135,9 +138,10 @@ def _averaged(means: PitotMeans, latest: PitotMeans, dt_s: float) -> PitotMeans:
     if not isfinite(means.speed2):  # the first
         return latest
     blend = min(1.0, dt_s / AVERAGE_S)
+    most = MOST_OF_MEAN * max(LEAST_MPS * LEAST_MPS, means.speed2)
     force_x, force_z = means.force_x_mps2, means.force_z_mps2
     return PitotMeans(
-        speed2=means.speed2 + blend * (latest.speed2 - means.speed2),
+        speed2=means.speed2 + blend * (min(most, latest.speed2) - means.speed2),
         force_x_mps2=force_x + blend * (latest.force_x_mps2 - force_x),
         force_z_mps2=force_z + blend * (latest.force_z_mps2 - force_z),
         elevator=means.elevator + blend * (latest.elevator - means.elevator),
