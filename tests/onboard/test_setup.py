@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from msgspec.structs import replace
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.lateral_gains import lateral_dynamics
+from tgl_soar.config.parameter_store import Identity, ParameterStore
 from tgl_soar.onboard import process
 from tgl_soar.onboard.setup import bounds_from, bounds_of, setup_from
 
@@ -45,3 +48,20 @@ def test_what_is_not_judged_is_said_at_start() -> None:
     assert "no margin is judged: of the airframe DYN_PATH is not known" in words
     known = process._words_of_place(setup_from(AIRFRAME, SITE, VALUES))
     assert not any("judged" in text for _, text in known)
+
+
+def test_the_autopilot_is_asked_for_what_the_stored_values_need(tmp_path: Path) -> None:
+    """Of the firmware's rate and its own landing, where they were changed over the air."""
+    setup = setup_from(AIRFRAME, SITE, VALUES)
+    assert setup.needs is not None
+    assert (setup.needs.loop_rate_hz, setup.needs.lands) == (VALUES["LOOP_RATE"], False)
+    who = Identity(AIRFRAME.airframe.name, SITE.site.name)
+    store = ParameterStore(tmp_path / "a.params", who, VALUES, setup.presets)
+    store.restore()
+    store.save(VALUES.changed({"LND_BY": 1.0, "LOOP_RATE": 250.0}))
+    again = ParameterStore(tmp_path / "a.params", who, VALUES, setup.presets)
+    flown, words = process._restored(setup, again)
+    assert any("LND_BY" in text for _, text in words)
+    assert flown.parameters["LOOP_RATE"] == 250.0
+    assert flown.needs == setup.needs._replace(loop_rate_hz=250.0, lands=True)
+    assert process._restored(setup, None) == (setup, [])

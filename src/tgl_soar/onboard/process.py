@@ -48,7 +48,7 @@ from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.mocap import MocapFeed, from_server
 from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.search_process import SearchBeside, SearchHere
-from tgl_soar.onboard.setup import ModuleSetup, bounds_of, setup_from
+from tgl_soar.onboard.setup import ModuleSetup, bounds_of, setup_from, with_values
 from tgl_soar.onboard.watchdog_release import hand_over, open_for
 
 EXIT_OK: Final = 0
@@ -271,7 +271,7 @@ def _restored(
             f"{store.path}: {refusal}; set it with `tgl-soar params import`, or forget all that is"
             " stored with `tgl-soar params reset`"
         )
-    return setup._replace(parameters=found.values), words
+    return with_values(setup, found.values), words
 
 
 def _words_of_place(setup: ModuleSetup) -> list[tuple[int, str]]:

@@ -122,6 +122,14 @@ def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
     )
 
 
+def with_values(setup: ModuleSetup, values: ParameterSet) -> ModuleSetup:
+    """The same with other values, and with what these need of the firmware."""
+    needs = setup.needs
+    if needs is not None:
+        needs = needs._replace(loop_rate_hz=values["LOOP_RATE"], lands=values["LND_BY"] == 1.0)
+    return setup._replace(parameters=values, needs=needs)
+
+
 def setup_from(airframe: Airframe, site: Site, parameters: ParameterSet) -> ModuleSetup:
     """Configuration files' contents as the flying module takes them."""
     link = airframe.autopilot
