@@ -173,6 +173,10 @@ def test_an_aileron_gain_is_judged_anew_on_the_same_line() -> None:
     assert lateral_margins(at_way(6.2, raised("AIL_P", 3.0)), KNOWN) != first
 
 
+def everything(values: ParameterSet) -> loop_margin._Alike:
+    return loop_margin._Alike(values, loop_margin.LATERAL_NAMES)
+
+
 @pytest.mark.parametrize("late_s", [0.0075, 0.04])
 def test_alpha_hardly_moves_within_a_step_and_its_shortest_way_has_the_least(
     late_s: float,
@@ -183,7 +187,7 @@ def test_alpha_hardly_moves_within_a_step_and_its_shortest_way_has_the_least(
         way_m = (step + 1) * WAY_STEP_M - 0.01
         values = at_way(way_m, {"CMD_DELAY": late_s})
         kept = lateral_margins(values, KNOWN)
-        exact = loop_margin._lateral_margins.__wrapped__(values, KNOWN)
+        exact = loop_margin._lateral_margins.__wrapped__(everything(values), KNOWN)
         for near, far in zip(kept, exact, strict=True):
             if "heading" in near.name:  # the waypoint is too slow to be of any weight
                 assert far.alpha == pytest.approx(near.alpha, abs=0.005)

@@ -35,7 +35,7 @@ from math import atan, cos, radians, sin
 from typing import Any, Final, NamedTuple
 
 from tgl_soar.config.lateral_dynamics import UNKNOWN, LateralDynamics
-from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.config.parameters import PARAMETERS, ParameterSet
 from tgl_soar.control.lateral_margin import ATTITUDE_AGE_S, disk_margins, sideways_flown
 from tgl_soar.control.laws import Laws, dynamics_of, laws_from
 from tgl_soar.control.pid import PidGains
@@ -61,8 +61,16 @@ FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there
 SPEEDS: Final = (0.92, 1.0, 1.15)
 TICK_S: Final = 2.0 * HOLD_S
 RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
-# The place of the line says nothing of the loop.
-_ANYWHERE: Final = {"TGL_X": 0.0, "TGL_Z": 0.0, "TGL_PRESET": 0.0}
+# What the loops follow from: no other parameter that is set in flight has them judged anew.
+_LOOP: Final = ("DYN_", "CMD_", "EST_IMU", "LOOP_RATE", "RHO_P_IMU")
+PITCH_NAMES: Final = tuple(
+    p.name for p in PARAMETERS if p.name.startswith((*_LOOP, "RHO_", "ELE_", "TGL_LEAN"))
+)
+LATERAL_NAMES: Final = tuple(
+    p.name
+    for p in PARAMETERS
+    if p.name.startswith((*_LOOP, "AIL_", "RUD_", "SIDE_", "LAT_", "WPT_"))
+)
 _HERE: Final = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 
 
@@ -85,6 +93,22 @@ class Flown(NamedTuple):
     soaring: PidGains
     pitch: PidGains
     setpoint_weight: float
+
+
+class _Alike:
+    """Values that are one and the same where those of some names are."""
+
+    __slots__ = ("_key", "values")
+
+    def __init__(self, values: ParameterSet, names: tuple[str, ...]) -> None:
+        self.values = values
+        self._key = tuple(values[name] for name in names)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Alike) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
 
 
 class LoopMargin(NamedTuple):
@@ -137,7 +161,7 @@ def _unjudged(values: ParameterSet) -> str:
 
 def line_margins(values: ParameterSet) -> tuple[LoopMargin, ...]:
     """Of the line's loop, with both sets of gains at three speeds; () where it is not known."""
-    return _line_margins(values.changed(_ANYWHERE))
+    return _line_margins(_Alike(values, PITCH_NAMES))
 
 
 def lateral_margins(
@@ -153,7 +177,7 @@ def lateral_margins(
     sideways loop where that crosses over: alpha moves by less than a tenth of itself, and the
     shortest way has the least.  To heading R is of no weight.
     """
-    return _lateral_margins(values.changed(_of_the_way(values)), lateral)
+    return _lateral_margins(_Alike(values.changed(_of_the_way(values)), LATERAL_NAMES), lateral)
 
 
 def _of_the_way(values: ParameterSet) -> dict[str, float]:
@@ -165,19 +189,20 @@ def _of_the_way(values: ParameterSet) -> dict[str, float]:
 
 
 @lru_cache(maxsize=16)
-def _line_margins(values: ParameterSet) -> tuple[LoopMargin, ...]:
-    lean_deg = values["TGL_LEAN"]
+def _line_margins(alike: _Alike) -> tuple[LoopMargin, ...]:
+    values, lean_deg = alike.values, alike.values["TGL_LEAN"]
     return tuple(
         LoopMargin(
             disk_margin(loop),
             f"at lean {lean_deg:g} deg and {_where(values, loop.speed_mps, loop.inertial)}",
         )
-        for loop in _loops(values)
+        for loop in _loops(alike)
     )
 
 
 @lru_cache(maxsize=64)
-def _lateral_margins(values: ParameterSet, lateral: LateralDynamics) -> tuple[LoopMargin, ...]:
+def _lateral_margins(alike: _Alike, lateral: LateralDynamics) -> tuple[LoopMargin, ...]:
+    values = alike.values
     best_mps = values["DYN_BEST"]
     if not (lateral.speed_mps >= SPEED_MIN_MPS and best_mps >= SPEED_MIN_MPS):
         return ()
@@ -201,8 +226,9 @@ def _where(values: ParameterSet, speed_mps: float, inertial: bool) -> str:
 
 
 @lru_cache(maxsize=16)
-def _loops(values: ParameterSet) -> tuple[Flown, ...]:
+def _loops(alike: _Alike) -> tuple[Flown, ...]:
     """What may be flown on the line of these values; none where too little is known."""
+    values = alike.values
     if _unjudged(values):
         return ()
     laws, best_mps = laws_from(values, _HERE), values["DYN_BEST"]
@@ -222,7 +248,7 @@ def margin_when_late(values: ParameterSet, delay_s: float) -> float:
     """alpha of the worst speed and set of gains where commands take `delay_s` [s], and the schedule
     is given CMD_DELAY; NaN: too little is known of the airframe."""
     later_s = delay_s - values["CMD_DELAY"]
-    loops = _loops(values.changed(_ANYWHERE))
+    loops = _loops(_Alike(values, PITCH_NAMES))
     late = (loop._replace(delay_s=max(0.0, loop.delay_s + later_s)) for loop in loops)
     return min((disk_margin(loop) for loop in late), default=NAN)
 
