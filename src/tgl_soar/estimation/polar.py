@@ -9,7 +9,10 @@ With n glides, X the matrix of powers of u and e the residuals, s² = eᵀe / (n
 coefficients have the covariance s² (XᵀX)⁻¹ and the fitted sink at u the standard error
 s √(xᵀ (XᵀX)⁻¹ x), x = (1, u, u², u³). That times t(n − 4) holds what noise does to a cubic.
 But the polar of a wing near its stall is none: what a fourth power would change at u is taken as
-an error of its own, and the confidence band is the root of the sum of the two squares.
+an error of its own.  So is what every glide of a test may share: a sideslip of three degrees, from
+a bank or heading that is believed wrongly, adds C_Dβ sin² β = 0.3 · 0.0027 to a C_D of 0.09, one
+per cent of sink (`SHARED`), and no log of positions and attitudes shows it.  The confidence band is
+the root of the sum of the three squares.
 The powers are taken of (u − centre) / scale inside, which keeps the normal matrix well
 conditioned; the polar itself is in u.
 
@@ -53,6 +56,8 @@ NARROWEST_SPAN: Final = 1.15
 # the sink of a quarter of it, some 0.08 m/s, to be told from noise.
 BRAKE_SLACK: Final = 0.02
 BRAKE_SPAN: Final = 0.25
+
+SHARED: Final = 0.01  # of sink: an error that all glides of a test have alike
 
 _Band = tuple[tuple[float, float, float, float], ...]
 
@@ -226,8 +231,9 @@ def sink_band(fit: PolarFit, speed_mps: float, confidence: float = 0.95) -> tupl
     """
     noise = student_t(confidence, fit.degrees_of_freedom) * sink_standard_error(fit, speed_mps)
     s = (speed_mps - fit.centre_mps) / fit.scale_mps
-    half = hypot(noise, sum(c * s**k for k, c in enumerate(fit.left_out)))
     middle = polar_sink(fit.polar, speed_mps)
+    beyond = sum(c * s**k for k, c in enumerate(fit.left_out))
+    half = hypot(noise, beyond, SHARED * middle)
     return middle - half, middle + half
 
 
