@@ -113,6 +113,20 @@ def test_each_claim_can_fail(
     assert {k for k, claim in enumerate(claims) if not claim.holds} == fails
 
 
+def test_only_flights_that_beat_are_counted_as_such() -> None:
+    """Who may beat and never did was disengaged, or landed badly, for other reasons."""
+    never = [replace(each, beating_s=0.0, turns=0, least_m=nan) for each in (GOOD, HOME)]
+    gone = replace(never[0], ended="disengaged: outside the fence")
+    claims = beating._claims([*ALL, gone, replace(never[1], along_m=11.0)])
+    assert [claim.holds for claim in claims[3:]] == [True, True]
+    # GOOD, HOME, ASIDE and the one in 9 m/s beat; two of these broke off.
+    assert [claim.measured.partition(" (")[0] for claim in claims[3:]] == ["0 of 4", "2 of 2"]
+    assert [claim.measured for claim in beating._claims(never)[3:]] == [
+        "none beat",
+        "none broke off",
+    ]
+
+
 def test_the_table_has_a_row_for_each_case() -> None:
     rows = beating._table(ALL).rows
     assert len(rows) == len(cases()) == 10

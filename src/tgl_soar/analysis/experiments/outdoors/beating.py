@@ -212,8 +212,9 @@ def _of(flown: list[BeatFlight], kind: str, case: HourCase) -> list[BeatFlight]:
 
 def _claims(flown: list[BeatFlight]) -> tuple[Claim, ...]:
     lost = sum(each.lost for each in flown)
-    beating = [each for each in flown if each.case.who == BEATS]
-    home = [each for each in beating if each.broke_off]
+    may_beat = [each for each in flown if each.case.who == BEATS]
+    beat = [each for each in may_beat if each.beating_s > 0.0]
+    home = [each for each in beat if each.broke_off]
     landed = sum(each.landed for each in home)
     large = RADII_M[-1]
 
@@ -222,9 +223,9 @@ def _claims(flown: list[BeatFlight]) -> tuple[Claim, ...]:
         return fmean(each.aloft_s for each in some) / 60.0 if some else nan
 
     both = [(minutes(mean, LINE), minutes(mean, BEATS)) for mean in HOURS_MPS]
-    aside = [each for each in beating if each.kind == OBLIQUE]
+    aside = [each for each in may_beat if each.kind == OBLIQUE]
     stays = sum(not each.ended for each in aside)
-    gone = sum(each.ended.startswith("disengaged") for each in beating)
+    gone = sum(each.ended.startswith("disengaged") for each in beat)
     return (
         Claim(
             f"none hits anything before it lands, nor the ground at more than {SINK_MPS:g} m/s of"
@@ -250,7 +251,7 @@ def _claims(flown: list[BeatFlight]) -> tuple[Claim, ...]:
         Claim(
             "who beats is not disengaged in the air",
             gone == 0,
-            fraction_text(gone, len(beating)) if beating else "none flown",
+            fraction_text(gone, len(beat)) if beat else "none beat",
         ),
         Claim(
             "of those that beat and broke off 95 % or more touch down as they should",
