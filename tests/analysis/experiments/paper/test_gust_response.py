@@ -18,6 +18,9 @@ def gust_change(
         highest_m=0.0,
         in_the_end_m=in_the_end_m,
         predicted_m=0.0,
+        at_once_error_m=0.0,
+        highest_error_m=0.0,
+        in_the_end_error_m=0.0,
     )
 
 

@@ -85,6 +85,22 @@ def test_the_way_up_the_line_is_that_since_the_step_of_flights_that_lasted() -> 
         assert place["in_the_end_m"] == pytest.approx(END_M[line] + apart, abs=1e-4)
 
 
+def test_a_standard_error_is_that_of_the_flights_that_lasted() -> None:
+    """They are a millimetre apart from one to the next, at any time since the step."""
+    for place in concluded()[0].numbers["places"]:
+        lasted = 5 if place["line"] == "b" else 6
+        error_m = 0.001 * float(np.std(np.arange(lasted), ddof=1)) / lasted**0.5
+        for what in ("at_once", "highest", "in_the_end"):
+            assert place[f"{what}_error_m"] == pytest.approx(error_m, rel=1e-6)
+
+
+def test_a_single_flight_decides_no_sign() -> None:
+    result = gust(Context(flyer=Told(flown), quick=True))
+    assert len(result.seeds) == 1
+    assert signs(result.claims) == "✓??"
+    assert result.tables[1].rows[0][1].endswith(" ± –")
+
+
 def test_slopes_are_those_of_polar_and_field_where_the_place_is_named() -> None:
     placed = prepare(Context(flyer=Told(flown)).scenario("gust"))
     polar = placed.polar
@@ -108,7 +124,8 @@ def test_slopes_are_those_of_polar_and_field_where_the_place_is_named() -> None:
 def test_the_tables_are_in_centimetres() -> None:
     slopes, ways = concluded()[0].tables
     a = concluded()[0].numbers["places"][0]
-    assert ways.rows[0] == ("a", "+1.0", "+5.0", "+3.0", f"{100 * a['predicted_m']:+.1f}")
+    flown = ("+1.0 ± 0.1", "+5.0 ± 0.1", "+3.0 ± 0.1")  # 1.87 mm over the root of six
+    assert ways.rows[0] == ("a", *flown, f"{100 * a['predicted_m']:+.1f}")
     assert slopes.rows[0] == (
         "a",
         f"{a['wind_mps']:.2f}",
@@ -136,9 +153,10 @@ def test_claims_are_of_what_was_flown() -> None:
     assert signs(result.claims) == "✓✗✗"  # [b] lost one; at once all go up
     assert [each.claim for each in result.changed] == [
         "the aircraft's answer to a gust",
+        "the aircraft's answer to a gust",
         "the step of wind",
     ]
-    assert "+3.0 cm at a" in result.claims[1].measured
+    assert "+3.0 ± 0.1 cm at a" in result.claims[1].measured
     assert "thrown up at every place" in result.why
     assert result.seeds == (1, 2, 3, 4, 5, 6)
 
@@ -198,17 +216,21 @@ def test_best_glide_is_half_a_hundredth_wide(ratio: float, is_best: bool, is_bey
         ("updraft_gain", 2, 0.1449, "✓✓✓"),
         ("updraft_gain", 2, 0.1451, "✗✓✓"),
         ("in_the_end_m", 0, 0.001, "✓✓✓"),
-        ("in_the_end_m", 0, 0.0, "✓✗✓"),
+        ("in_the_end_m", 0, 0.0, "✓?✓"),
         ("in_the_end_m", 1, 0.0139, "✓✓✓"),
         ("in_the_end_m", 1, -0.0141, "✓✗✓"),
         ("in_the_end_m", 2, -0.001, "✓✓✓"),
-        ("in_the_end_m", 2, 0.0, "✓✗✓"),
+        ("in_the_end_m", 2, 0.0, "✓?✓"),
         ("at_once_m", 0, 0.001, "✓✓✓"),
-        ("at_once_m", 0, 0.0, "✓✓✗"),
+        ("at_once_m", 0, 0.0, "✓✓?"),
         ("at_once_m", 1, 0.0019, "✓✓✓"),
         ("at_once_m", 1, -0.0021, "✓✓✗"),
         ("at_once_m", 2, -0.001, "✓✓✓"),
-        ("at_once_m", 2, 0.0, "✓✓✗"),
+        ("at_once_m", 2, 0.0, "✓✓?"),
+        ("in_the_end_m", 0, -0.001, "✓✗✓"),
+        ("in_the_end_m", 2, 0.001, "✓✗✓"),
+        ("at_once_m", 0, -0.001, "✓✓✗"),
+        ("at_once_m", 2, 0.001, "✓✓✗"),
         ("in_the_end_m", 0, nan, "✓✗✓"),
     ],
 )
@@ -217,6 +239,36 @@ def test_a_place_is_judged_by_its_bound(what: str, place: int, value: Any, claim
     several = [SLOW, AT_BEST, BEYOND]
     several[place] = several[place]._replace(**{what: value})
     assert signs(sensitivity_claims(several, BEST)) == claims
+
+
+@pytest.mark.parametrize(
+    ("what", "place", "error_m", "claims"),
+    [
+        ("in_the_end", 0, 0.0124, "✓✓✓"),  # 3 cm are 2.4 standard errors of 1.25 cm
+        ("in_the_end", 0, 0.0126, "✓?✓"),
+        ("in_the_end", 1, 0.0058, "✓✓✓"),  # as 1.4 cm are of 0.58 cm
+        ("in_the_end", 1, 0.0059, "✓?✓"),
+        ("in_the_end", 2, 0.0083, "✓✓✓"),
+        ("in_the_end", 2, 0.0084, "✓?✓"),
+        ("at_once", 0, 0.0041, "✓✓✓"),
+        ("at_once", 0, 0.0042, "✓✓?"),
+        ("at_once", 1, 0.00083, "✓✓✓"),
+        ("at_once", 1, 0.00084, "✓✓?"),
+        ("at_once", 2, 0.0041, "✓✓✓"),
+        ("at_once", 2, 0.0042, "✓✓?"),
+    ],
+)
+def test_a_bound_within_the_standard_errors_leaves_a_claim_open(
+    what: str, place: int, error_m: Any, claims: str
+) -> None:
+    several = [SLOW, AT_BEST, BEYOND]
+    several[place] = several[place]._replace(**{f"{what}_error_m": error_m})
+    assert signs(sensitivity_claims(several, BEST)) == claims
+
+
+def test_what_is_open_at_one_place_hides_no_other_that_falls() -> None:
+    several = [SLOW._replace(in_the_end_m=-0.03), AT_BEST, BEYOND._replace(in_the_end_error_m=1.0)]
+    assert signs(sensitivity_claims(several, BEST)) == "✓✗✓"
 
 
 def test_losses_anywhere_break_the_claim_of_the_end() -> None:

@@ -174,7 +174,7 @@ def slope(context: Context) -> Result:
             "calm" if i == 0.0 else f"{100 * i:g} %",
             s.line,
             f"{100 * s.predicted_m:+.1f}",
-            f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)}",
+            f"{100 * s.flown_m:+.1f} ± {error_cm(s.error_m)}",
             _off_cm(s),
             f"{100 * s.up_m:+.1f}",
         )
@@ -244,24 +244,25 @@ def slope_claims(shifts: list[Shift], agree_m: float = AGREE_M) -> tuple[Claim, 
     )
 
 
-def _error_cm(error_m: float) -> str:
+def error_cm(error_m: float) -> str:
+    """A standard error; – of a single flight, which shows none."""
     return f"{100 * error_m:.1f}" if isfinite(error_m) else "–"
 
 
 def _off_cm(s: Shift | WindShift) -> str:
     """– where a flight has no place of its own to be off, or none flew both legs."""
-    return f"{100 * s.off_m:+.1f} ± {_error_cm(s.off_error_m)}" if isfinite(s.off_m) else "–"
+    return f"{100 * s.off_m:+.1f} ± {error_cm(s.off_error_m)}" if isfinite(s.off_m) else "–"
 
 
 def _shift_words(s: Shift | WindShift) -> str:
-    return f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)} cm at {s.line}"
+    return f"{100 * s.flown_m:+.1f} ± {error_cm(s.error_m)} cm at {s.line}"
 
 
 def _off_words(s: Shift | WindShift) -> str:
     """How far it is from what it should be where that is worst."""
     return (
         f"off the shift of what flew by at most {100 * abs(s.off_m):.1f} ±"
-        f" {_error_cm(s.off_error_m)} cm in the mean ({s.line}), of one flight there"
+        f" {error_cm(s.off_error_m)} cm in the mean ({s.line}), of one flight there"
         f" {100 * abs(s.worst_off_m):.1f} cm"
     )
 
@@ -311,7 +312,7 @@ def _wind_row(words: str, s: WindShift) -> tuple[str, ...]:
         f"{100 * s.half_way_m:+.1f}",
         f"{100 * s.predicted_m:+.1f}",
         f"{100 * (s.predicted_m + s.polar_error_m):+.1f}",
-        f"{100 * s.flown_m:+.1f} ± {_error_cm(s.error_m)}",
+        f"{100 * s.flown_m:+.1f} ± {error_cm(s.error_m)}",
         _off_cm(s),
         f"{s.lost}",
     )
@@ -488,7 +489,7 @@ def wind_claims(small: list[WindShift], full: list[WindShift]) -> tuple[Claim, .
                 )
             ),
             f"12 % more wind moved it by at most {100 * abs(farthest.flown_m):.1f} ±"
-            f" {_error_cm(farthest.error_m)} cm (at {farthest.line}),"
+            f" {error_cm(farthest.error_m)} cm (at {farthest.line}),"
             f" {_deviations(farthest):.1f} standard deviations; {sum(s.lost for s in full)}"
             " flights lost",
         ),

@@ -16,9 +16,19 @@ from numpy.typing import NDArray
 
 from tgl_soar.air.zeuc import stable_crossing
 from tgl_soar.analysis.experiments.context import Context
-from tgl_soar.analysis.experiments.flights import FlownScenario
-from tgl_soar.analysis.experiments.paper.changing_air import STAYS_M, pinned
-from tgl_soar.analysis.experiments.result import ChangedThreshold, Claim, Result, Table
+from tgl_soar.analysis.experiments.flights import FlownScenario, mean_of_flights
+from tgl_soar.analysis.experiments.paper.changing_air import STAYS_M, error_cm, pinned
+from tgl_soar.analysis.experiments.result import (
+    RESOLVED,
+    ChangedThreshold,
+    Claim,
+    Result,
+    Table,
+    above,
+    all_of,
+    decided,
+    within,
+)
 from tgl_soar.analysis.experiments.scenario import PreparedScenario, WindSchedule, prepare
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.types import polar_sink, polar_slope
@@ -38,6 +48,13 @@ CHANGED: Final = (
         "its sign in the end, and beside it its sign at once",
         "polar and updraft are those of steady glides: they say where an aircraft stands, after it"
         " has taken the new airspeed",
+    ),
+    ChangedThreshold(
+        "the aircraft's answer to a gust",
+        "the mean of all flights",
+        f"that mean by {RESOLVED:g} standard errors of the flights' own answers; undecided where"
+        " these leave it open",
+        "aircraft that are not alike answer differently, and the sign of their mean can be chance",
     ),
     ChangedThreshold(
         "the step of wind",
@@ -60,6 +77,10 @@ class WindEffect(NamedTuple):
     highest_m: float  # the highest it got within 5 s
     in_the_end_m: float
     predicted_m: float  # TGL ∩ ZEUC
+    # Standard errors of the three that are flown, by the flights' own; inf: fewer than two flights.
+    at_once_error_m: float
+    highest_error_m: float  # at the time when the mean is highest
+    in_the_end_error_m: float
     lost: int = 0
 
     @property
@@ -119,8 +140,11 @@ def gust(context: Context) -> Result:
                 ),
                 tuple(
                     (
-                        c.line, f"{100 * c.at_once_m:+.1f}", f"{100 * c.highest_m:+.1f}",
-                        f"{100 * c.in_the_end_m:+.1f}", f"{100 * c.predicted_m:+.1f}",
+                        c.line,
+                        _with_error(c.at_once_m, c.at_once_error_m),
+                        _with_error(c.highest_m, c.highest_error_m),
+                        _with_error(c.in_the_end_m, c.in_the_end_error_m),
+                        f"{100 * c.predicted_m:+.1f}",
                     )
                     for c in changes
                 ),
@@ -137,25 +161,29 @@ def gust(context: Context) -> Result:
     )  # fmt: skip
 
 
-def _moved(
+def _with_error(way_m: float, error_m: float) -> str:
+    return f"{100 * way_m:+.1f} ± {error_cm(error_m)}"
+
+
+def _ways(
     prepared: PreparedScenario, flights: list[FlownScenario], line: str
 ) -> tuple[Floats, Floats]:
-    """(time since the step [s], mean way up the line since before it [m]) of all flights."""
+    """(time since the step [s], way up the line since before it [m], a row for each flight)."""
     target = prepared.lines[line].target
     schedule = prepared.scenario.wind
     assert schedule is not None
     whole = [flight for flight in flights if flight.survived]
     if not whole:
-        return np.array([0.0, 1e3]), np.full(2, np.nan)
-    along = np.mean(
+        return np.array([0.0, 1e3]), np.full((1, 2), np.nan)
+    along = np.array(
         [
             cos(target.eta_rad) * flight.path["x_m"] + sin(target.eta_rad) * flight.path["z_m"]
             for flight in whole
-        ],
-        axis=0,
+        ]
     )
     time = whole[0].path["time_s"] - schedule.times_s[0]
-    return time, along - np.mean(along[(time > -10.0) & (time <= 0.0)])
+    before = along[:, (time > -10.0) & (time <= 0.0)]
+    return time, along - np.mean(before, axis=1, keepdims=True)
 
 
 def _change(
@@ -167,19 +195,25 @@ def _change(
     assert before is not None
     after = stable_crossing(prepared.field, prepared.polar, target, 1e6)
     assert after is not None
-    time, moved = _moved(prepared, flights, line)
-    soon = (time >= 0.0) & (time < 5.0)
+    time, ways = _ways(prepared, flights, line)
+    soon = ways[:, (time >= 0.0) & (time < 5.0)]
+    at_once = mean_of_flights(float(np.interp(AT_ONCE_S, time, way)) for way in ways)
+    highest = mean_of_flights(soon[:, np.argmax(np.mean(soon, axis=0))])
+    in_the_end = mean_of_flights(np.mean(ways[:, time > time[-1] - 10.0], axis=1))
     return WindEffect(
         line=line,
         wind_mps=at.wind_mps,
         sink_mps=polar_sink(prepared.polar, at.wind_mps),
         updraft_gain=at.updraft_mps / at.wind_mps,
         sink_gain=polar_slope(prepared.polar, at.wind_mps),
-        at_once_m=float(np.interp(AT_ONCE_S, time, moved)),
-        highest_m=float(np.max(moved[soon])),
-        in_the_end_m=float(np.mean(moved[time > time[-1] - 10.0])),
+        at_once_m=at_once.mean,
+        highest_m=highest.mean,
+        in_the_end_m=in_the_end.mean,
         predicted_m=cos(target.eta_rad) * (after.x_m - before.x_m)
         + sin(target.eta_rad) * (after.z_m - before.z_m),
+        at_once_error_m=at_once.error,
+        highest_error_m=highest.error,
+        in_the_end_error_m=in_the_end.error,
         lost=sum(not flight.survived for flight in flights),
     )
 
@@ -190,7 +224,13 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
     at_best = [c for c in changes if abs(c.wind_mps / best_mps - 1.0) <= 0.005]
     beyond = [c for c in changes if c.wind_mps > 1.005 * best_mps]
     margins = ", ".join(f"{c.margin:+.3f} at {c.line}" for c in changes)
-    at_once = ", ".join(f"{100 * c.at_once_m:+.1f} cm at {c.line}" for c in changes)
+    at_once, in_the_end = (
+        ", ".join(f"{_with_error(way_m, error_m)} cm at {line}" for line, way_m, error_m in ways)
+        for ways in (
+            [(c.line, c.at_once_m, c.at_once_error_m) for c in changes],
+            [(c.line, c.in_the_end_m, c.in_the_end_error_m) for c in changes],
+        )
+    )
     return (
         Claim(
             "more wind raises updraft more than sink on the slow side, as much at best glide, less"
@@ -202,21 +242,28 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
             # sink/u − S′ is 0 at best glide by its definition, and the places are named by it.
             by_construction=True,
         ),
-        Claim(
+        decided(
             "so a gust leaves the aircraft higher on the slow side, where it was at best glide"
             f" (within {100 * STAYS_M:g} cm), lower beyond",
-            all(c.in_the_end_m > 0.0 for c in slow)
-            and all(abs(c.in_the_end_m) <= STAYS_M for c in at_best)
-            and all(c.in_the_end_m < 0.0 for c in beyond)
-            and not any(c.lost for c in changes),
-            ", ".join(f"{100 * c.in_the_end_m:+.1f} cm at {c.line}" for c in changes)
-            + f"; {sum(c.lost for c in changes)} flights lost",
+            all_of(
+                (
+                    *(above(c.in_the_end_m, c.in_the_end_error_m) for c in slow),
+                    *(within(c.in_the_end_m, c.in_the_end_error_m, STAYS_M) for c in at_best),
+                    *(above(-c.in_the_end_m, c.in_the_end_error_m) for c in beyond),
+                    not any(c.lost for c in changes),
+                )
+            ),
+            f"{in_the_end}; {sum(c.lost for c in changes)} flights lost",
         ),
-        Claim(
+        decided(
             "the aircraft's immediate answer to a gust has that sign",
-            all(c.at_once_m > 0.0 for c in slow)
-            and all(abs(c.at_once_m) <= STOOD_M for c in at_best)
-            and all(c.at_once_m < 0.0 for c in beyond),
+            all_of(
+                (
+                    *(above(c.at_once_m, c.at_once_error_m) for c in slow),
+                    *(within(c.at_once_m, c.at_once_error_m, STOOD_M) for c in at_best),
+                    *(above(-c.at_once_m, c.at_once_error_m) for c in beyond),
+                )
+            ),
             f"{at_once}, {AT_ONCE_S:g} s after the step",
         ),
     )
@@ -273,7 +320,8 @@ def _draw(
         )
         points.append(DrawnCurve([c.wind_mps], [c.margin], None, colour, style="", marker="o"))
         margin_notes.append(Note(c.wind_mps, c.margin, c.line, colour))
-        time, moved = _moved(scenarios[c.line], flights[c.line], c.line)
+        time, ways = _ways(scenarios[c.line], flights[c.line], c.line)
+        moved = np.mean(ways, axis=0)
         show = (time > -1.0) & (time < 8.0)
         histories.append(
             DrawnCurve(time[show].tolist(), (100.0 * moved[show]).tolist(), None, colour)
