@@ -53,6 +53,10 @@ FLIGHT_RESOLVED: Final = 3.0
 FOLLOWS: Final = 1.15
 INTENSITIES: Final = (0.0, 0.01, 0.03)  # of the turbulence that each is flown in
 JUDGED: Final = 0.01  # of these, what the claims go by
+COUNTED: Final = (
+    "A flight that is lost counts in every mean as far as it flew. The claims are judged at"
+    f" {100 * JUDGED:g} % of turbulence, scale 1.5 m."
+)
 STALLS: Final = 0.01  # of the time: less is no more than the gusts beyond three deviations
 SETTLES: Final = "it settles where the line meets the zero excess updraft contour"
 PLACE_CHANGED: Final = ChangedThreshold(
@@ -439,7 +443,7 @@ def _result(
     result = Result(
         name=name,
         title=scenario.title,
-        flown=flown,
+        flown=f"{flown} {COUNTED}",
         claims=(
             settled_claim(flights[JUDGED], summaries[JUDGED], legs),
             place_claim(summaries[JUDGED], most_m),
@@ -482,8 +486,7 @@ def static(context: Context) -> Result:
         "static",
         "A line through the contour at 0.90 of best glide's speed stands still; the aircraft is"
         " released 0.3 m downstream of the crossing, at rest over the ground, and flown for a"
-        f" minute. The first {SETTLE_S:g} s after the line stands still are not scored. The claims"
-        " are judged at 1 % of turbulence, scale 1.5 m.",
+        f" minute. The first {SETTLE_S:g} s after the line stands still are not scored.",
         (*INTENSITIES, 0.05),
     )
     return result
