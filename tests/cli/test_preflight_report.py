@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli import preflight
 from tgl_soar.cli.app import app
-from tgl_soar.cli.preflight import _margin_reported, _place_reported
+from tgl_soar.cli.preflight import CheckedPart, _margin_reported, _place_reported
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 
 PLANE = load_airframe(AIRFRAME)
@@ -29,7 +29,9 @@ def test_what_is_wrong_with_fence_and_lines_is_reported(
         path.write_text(f'[site]\nname = "field"\n{text}')
         site = load_site(path)
         values = load_parameters(PLANE, AIRFRAME, site, path)
-        good = _place_reported(PLANE, site, values)
+        good, doubts = _place_reported(PLANE, site, values)
+        for doubt in doubts:
+            assert doubt
         return good, " ".join(capsys.readouterr().out.split())
 
     lines = "[lines]\nup = { x_m = 0, z_m = 40 }\n"
@@ -60,38 +62,75 @@ def test_the_least_margin_of_all_loops_is_reported(
 ) -> None:
     """Of roll and heading, too, which nothing else refuses."""
     values = load_parameters(PLANE, AIRFRAME, load_site(SITE), SITE).changed(changes)
-    assert _margin_reported(PLANE, values) == is_enough
+    assert _margin_reported(PLANE, values) == CheckedPart(is_enough)
     said = " ".join(capsys.readouterr().out.split())
     assert said.startswith("least margin of the loops: ")
     assert words in said
 
 
+@pytest.mark.parametrize(
+    ("missing", "doubts"),
+    [("Cm_q", ()), ("CY_beta", ("no margin of roll and heading is computed",))],
+)
 def test_of_a_model_that_is_not_complete_no_margin_is_known(
-    capsys: pytest.CaptureFixture[str],
+    missing: str, doubts: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    model = {name: value for name, value in PLANE.model.items() if name != "Cm_q"}
+    """Without the first the rule on board judges none either, and says so itself."""
+    model = {name: value for name, value in PLANE.model.items() if name != missing}
     plane = replace(PLANE, model=model)
     values = load_parameters(plane, AIRFRAME, load_site(SITE), SITE)
-    assert _margin_reported(plane, values)
+    assert _margin_reported(plane, values) == CheckedPart(True, doubts)
     assert "no gain is checked" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "line", "margin", "code"),
-    [(0, True, True, 0), (1, True, True, 1), (0, False, True, 1), (0, True, False, 1)],
-)
-def test_any_one_thing_that_must_be_changed_is_in_the_exit_code(
-    vehicle: int, line: bool, margin: bool, code: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of the vehicle, of the line, of the loops: a checklist goes by the code alone."""
-    for name, answer in (
-        ("Conversation", nullcontext()),
-        ("_read", None),
-        ("_place_reported", line),
-        ("_margin_reported", margin),
-        ("_reported", vehicle),
-    ):
+def verdict(monkeypatch: pytest.MonkeyPatch, *parts: CheckedPart) -> tuple[int, str]:
+    """The exit code and the last line, of what line, loops and vehicle have to say."""
+    answers: dict[str, object] = {"Conversation": nullcontext(), "_read": None}
+    answers |= zip(("_place_reported", "_margin_reported", "_reported"), parts, strict=True)
+    for name, answer in answers.items():
         monkeypatch.setattr(preflight, name, lambda *_, answer=answer, **__: answer)
     files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
     result = CliRunner().invoke(app, ["preflight", "--link", "udp:127.0.0.1:14550", *files])
-    assert result.exit_code == code, result.output
+    return result.exit_code, result.output.splitlines()[-1]
+
+
+@pytest.mark.parametrize("wrong", [None, 0, 1, 2])
+def test_any_one_thing_that_must_be_changed_is_in_code_and_verdict(
+    wrong: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the line, of the loops, of the vehicle: a checklist goes by the code alone, and a person
+    by the last line."""
+    parts = [CheckedPart(number != wrong, ("no fence",)) for number in range(3)]
+    code, last = verdict(monkeypatch, *parts)
+    if wrong is None:
+        assert (code, last) == (0, "ready, but no fence; no fence; no fence")
+    else:
+        assert code == 1
+        assert last == "not ready: change what is shown above in red, then run this again"
+
+
+def test_where_nothing_is_in_doubt_the_verdict_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert verdict(monkeypatch, CheckedPart(True), CheckedPart(True), CheckedPart(True)) == (
+        0,
+        "ready",
+    )
+
+
+def test_what_nobody_judges_is_in_the_verdict(tmp_path: Path) -> None:
+    """A fence that is open, a line of the site that cannot be flown, margins that are not known:
+    the module engages all the same."""
+    path = tmp_path / "site.toml"
+    path.write_text(
+        '[site]\nname = "field"\n[lines]\nup = { x_m = 0, z_m = 40 }\n'
+        "[parameters]\nTGL_Z = 20\nFENCE_Z_MAX = 30\n"
+    )
+    site, plane = load_site(path), replace(PLANE, model={})
+    part = _place_reported(plane, site, load_parameters(plane, AIRFRAME, site, path))
+    assert part.good
+    fence, line, margin = part.doubts
+    assert fence.startswith("the fence is open: ")
+    assert line.startswith("line up: the line's point is ")
+    assert margin.startswith("no margin is judged: of the airframe DYN_FREQ, ")
+    by_attitude = replace(plane, autopilot=replace(plane.autopilot, firmware="px4"))
+    found = _place_reported(by_attitude, site, load_parameters(plane, AIRFRAME, site, path))
+    assert found.doubts == (fence, line)

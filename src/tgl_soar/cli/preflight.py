@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.table import Table
@@ -15,8 +16,9 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, gains_words, load_flight, preset_lines
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
+from tgl_soar.control.laws import dynamics_of
 from tgl_soar.control.line_bounds import open_sides
-from tgl_soar.control.loop_margin import FLOOR
+from tgl_soar.control.loop_margin import FLOOR, is_known
 from tgl_soar.link.autopilots.requirements import MUST, remedy
 from tgl_soar.link.checks.preflight import Preflight
 from tgl_soar.link.open_link import baud_of
@@ -25,6 +27,13 @@ from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.link_load import load_of
 from tgl_soar.onboard.setup import bounds_from, flavour_of, needs_of, setup_from
 from tgl_soar.types import OURS
+
+
+class CheckedPart(NamedTuple):
+    """What one part of the check has to say of the verdict."""
+
+    good: bool  # nothing of it must be changed
+    doubts: tuple[str, ...] = ()  # what is to be known before a flight all the same
 
 
 def preflight(
@@ -46,7 +55,8 @@ def preflight(
     It also checks fence and lines of the site file, and computes the margins of pitch, line, roll
     and heading with the airframe file's gains.
 
-    Exit code 0: all as needed; 1: something must be changed; 2: not possible.
+    The last line is the verdict over all of it. Exit code 0: ready, with what is in doubt behind
+    it; 1: something must be changed; 2: not possible.
     """
     try:
         plane, place, values = load_flight(airframe, site)
@@ -61,12 +71,26 @@ def preflight(
     except KeyboardInterrupt:
         fail("stopped", 130)
     too_slow = "" if baud is None else load.refusal(baud)
-    line_is_good = _place_reported(plane, place, values)
+    parts = [_place_reported(plane, place, values)]
     if whose := gains_words(plane, place, values):
         console.print(whose, highlight=False, markup=False, soft_wrap=True)
-    has_margin = _margin_reported(plane, values)
-    code = _reported(check, too_slow, show_all=show_all)
-    raise typer.Exit(code if line_is_good and has_margin else 1)
+    parts.append(_margin_reported(plane, values))
+    parts.append(_reported(check, too_slow, show_all=show_all))
+    raise typer.Exit(_concluded(parts))
+
+
+def _concluded(parts: Sequence[CheckedPart]) -> int:
+    """The one verdict, as the last line, and its exit code."""
+    if not all(part.good for part in parts):
+        console.print(
+            "[red]not ready[/red]: change what is shown above in red, then run this again",
+            soft_wrap=True,
+        )
+        return 1
+    doubts = [doubt for part in parts for doubt in part.doubts]
+    console.print("[green]ready[/green]" + (", but " if doubts else ""), end="")
+    console.print("; ".join(doubts), highlight=False, markup=False, soft_wrap=True)
+    return 0
 
 
 def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> None:
@@ -92,28 +116,32 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
             return
 
 
-def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> bool:
+def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> CheckedPart:
     """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
     bounds = bounds_from(plane, place)
     faults = bounds.preset_faults(values, preset_lines(place, values))
-    for words in (open_sides(values), bounds.warning(values), *faults):
+    fence, margins = open_sides(values), bounds.warning(values)
+    for words in (fence, margins, *faults):
         if words:
             console.print(words, style="yellow", highlight=False, markup=False, soft_wrap=True)
     fault = bounds.fault(values)
     if fault:
         text = f"cannot be engaged: {fault}"
         console.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
-    return not fault
+    doubts = [fence, *faults]
+    if flavour_of(plane).route.loops == OURS:  # on other routes nobody needs to judge them
+        doubts.append(margins)
+    return CheckedPart(not fault, tuple(filter(None, doubts)))
 
 
-def _margin_reported(plane: Airframe, values: ParameterSet) -> bool:
+def _margin_reported(plane: Airframe, values: ParameterSet) -> CheckedPart:
     """What the loops of these files can bear at the best glide's speed, by the linear model, roll
     and heading too; whether it is enough, or not known."""
     from tgl_soar.analysis.linear_plant import Gusts
     from tgl_soar.analysis.margins import case_margins, grid, worst
 
     if flavour_of(plane).route.loops != OURS:
-        return True
+        return CheckedPart(True)
     best = values["DYN_BEST"]
     cases = grid(values, [best], [values["TGL_LEAN"]], [values["CMD_DELAY"]])
     try:
@@ -121,7 +149,8 @@ def _margin_reported(plane: Airframe, values: ParameterSet) -> bool:
     except ValueError as error:
         text = f"no gain is checked, the margin of the loops is not known: {error}"
         console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
-        return True
+        by_rule = is_known(dynamics_of(values))  # else the rule says that it judges none
+        return CheckedPart(True, ("no margin of roll and heading is computed",) if by_rule else ())
     names = ("elevator", "line", "aileron", "rudder")
     name, found = min(zip(names, least.breaks, strict=True), key=lambda each: each[1].alpha)
     text = (
@@ -131,11 +160,11 @@ def _margin_reported(plane: Airframe, values: ParameterSet) -> bool:
     )
     is_enough = found.alpha >= FLOOR
     console.print(text, style=None if is_enough else "red", highlight=False, soft_wrap=True)
-    return is_enough
+    return CheckedPart(is_enough)
 
 
-def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:
-    """The table, the way out, and the exit code.  `too_slow`: why the line is, if it is."""
+def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> CheckedPart:
+    """The table and the way out.  `too_slow`: why the line is, if it is."""
     route, findings, wrong = check.flavour.route, check.findings(), check.wrong()
     refusal = check.refusal()
     console.print(
@@ -166,13 +195,7 @@ def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> int:
         soft_wrap=True,
     )
     unfit = [finding for finding in wrong if finding.requirement.level == MUST]
-    if unfit or refusal or too_slow:
-        console.print(
-            "[red]not ready[/red]: change what is shown above in red, then run this again"
-        )
-        return 1
-    if findings:
-        console.print(
-            "[green]ready[/green]" + (", though some parameters should be changed" if wrong else "")
-        )
-    return 0
+    doubt = "some parameters should be changed" if wrong else ""
+    if not findings:
+        doubt = "its set-up cannot be read over the link"
+    return CheckedPart(not (unfit or refusal or too_slow), (doubt,) if doubt else ())
