@@ -41,7 +41,8 @@ TABLE: dict[str, set[str]] = {
     "control.loop_margin": {"control.lateral_margin"},
     "control.found_gains": {"control.loop_margin"},
     "control.pitch_design": {"control.found_gains"},
-    "config.files": {"config", "control.pitch_design"},  # it seeks gains for an airframe
+    "config.flown_gains": {"config", "control.pitch_design"},  # it seeks gains for an airframe
+    "config.files": {"config.flown_gains"},
     "control.line_bounds": {"control.loop_margin"},
     "control.envelope_margins": {"control.laws"},
     "control.surface_loops": {"control.laws"},

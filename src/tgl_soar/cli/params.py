@@ -29,6 +29,7 @@ from tgl_soar.config.parameter_groups import GROUPS, group_of
 from tgl_soar.config.parameter_store import (
     Identity,
     ParameterStore,
+    has_own_anchors,
     old_state_file,
     state_file,
     state_folder,
@@ -105,14 +106,17 @@ class Beginning(NamedTuple):
     notes: tuple[str, ...]
 
     def origin(self, name: str) -> str:
-        """Where a value comes from; sought: for this airframe (`control.pitch_design`)."""
+        """Where a value comes from.  sought: for this airframe (`control.pitch_design`); shipped:
+        a gain of the shipped aircraft, where nobody has given or sought one for this."""
         if name in self.kept:
             return "stored"
         if name in self.site.parameters:
             return "site"
         of_airframe = airframe_parameters(self.airframe)
         if self.files[name] != self.defaults.changed(of_airframe)[name]:
-            return "sought" if name in (*SHIPPED, *ANCHORS) else "site"
+            if name not in (*SHIPPED, *ANCHORS):
+                return "site"
+            return "sought" if has_own_anchors(self.files) else "shipped"
         return "airframe" if name in of_airframe else "default"
 
 

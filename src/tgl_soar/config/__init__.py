@@ -12,6 +12,6 @@ Files
 
 What follows from an airframe file
   dynamics             what the schedule of pitch knows;  lateral_dynamics: of roll and yaw
-  lateral_gains        gains of roll, heading and bank
+  lateral_gains        gains of roll, heading and bank;  flown_gains: whose gains of pitch are flown
   glide_limits         pitch attitudes, slowest airspeed;  stall_limit: largest angle of attack
 """

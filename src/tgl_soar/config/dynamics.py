@@ -35,6 +35,8 @@ USUAL_DELAY_S: Final[Mapping[tuple[str, str | None], float]] = {
     ("ardupilot", "override"): 0.0245,
     ("ardupilot", "attitude"): 0.0145,
 }
+# Of [model]: without all of these its short period is not known.
+SHORT_PERIOD_KEYS: Final = ("CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator")
 _KEYS: Final = {
     "speed_mps": "DYN_SPEED",
     "short_period_radps": "DYN_FREQ",
@@ -122,8 +124,7 @@ def _sink(polar: GlidePolar, u: float) -> float:
 def _short_period(
     bench: Mapping[str, float], model: Mapping[str, float], speed_mps: float
 ) -> dict[str, float]:
-    needed = ("CL_alpha", "Cm_alpha", "Cm_q", "Cm_elevator")
-    if not all(key in model for key in needed):
+    if not all(key in model for key in SHORT_PERIOD_KEYS):
         return {}
     pressure = 0.5 * model.get("air_density_kgpm3", DENSITY_KGPM3) * speed_mps * speed_mps
     force = pressure * bench["wing_area_m2"]

@@ -10,13 +10,9 @@ what is allowed.
 
 from __future__ import annotations
 
-import json
 import re
-import subprocess
-import sys
 import tomllib
 from collections.abc import Mapping
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -24,17 +20,12 @@ from typing import Any, Final, TypeVar
 import msgspec
 from msgspec import Struct, inspect
 
-from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe, AutopilotLink
+from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe
+from tgl_soar.config.flown_gains import gains_words as gains_words  # of what is read here
+from tgl_soar.config.flown_gains import with_own_gains
 from tgl_soar.config.lateral_gains import airframe_parameters
 from tgl_soar.config.line_changes import PresetLine, Presets, with_changes
-from tgl_soar.config.parameter_store import has_own_anchors
-from tgl_soar.config.parameters import (
-    ANCHORS,
-    INDEX,
-    PARAMETERS,
-    ParameterError,
-    ParameterSet,
-)
+from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterError, ParameterSet
 from tgl_soar.config.site import Line, Site
 from tgl_soar.types import Aerodynamics
 
@@ -114,72 +105,6 @@ def load_parameters(
             key = f"lines.{name}.{_LINE_KEYS[error.name]}"
             raise ConfigError(f"{site_path}: {key} = {error.value}: {error.reason}") from None
     return with_own_gains(values, airframe.autopilot)
-
-
-def with_own_gains(values: ParameterSet, autopilot: AutopilotLink) -> ParameterSet:
-    """With gains of pitch, where no file has any of its own: sought for this very airframe in a
-    second or two, or else the shipped ones, which the schedule carries there.
-
-    A firmware's own loops are too slow for gains that are sought for ours.
-    """
-    # The laws are imported here, so that what only reads files does without them.
-    from tgl_soar.control.found_gains import SHIPPED, are_for_another, has_none
-
-    if has_none(values):
-        values = values.changed(SHIPPED)
-    if autopilot.holds_attitude or not are_for_another(values):
-        return values
-    return values.changed(_sought(values))
-
-
-def _sought(values: ParameterSet) -> dict[str, float]:
-    """By another process unless this one has numpy: one that flies locks its memory, and would keep
-    300 MB of libraries for good."""
-    if "numpy" not in sys.modules:
-        asked = {p.name: value for p, value in values}
-        with suppress(OSError, ValueError, subprocess.SubprocessError):
-            ran = subprocess.run(
-                [sys.executable, "-c", _SEEKS, json.dumps([sys.path, asked])],
-                stdin=subprocess.DEVNULL,
-                capture_output=True,
-                check=True,
-                timeout=SEEKS_S,
-            )
-            return {name: float(value) for name, value in json.loads(ran.stdout).items()}
-    from tgl_soar.control.pitch_design import own_gains
-
-    return own_gains(values)
-
-
-SEEKS_S: Final = 120.0  # some 2 s on a desktop computer
-_SEEKS: Final = """\
-import json, sys
-sys.path[:], values = json.loads(sys.argv[1])
-from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.pitch_design import own_gains
-print(json.dumps(own_gains(ParameterSet().changed(values))))
-"""
-
-
-def gains_words(airframe: Airframe, site: Site, values: ParameterSet) -> str:
-    """Whose gains of pitch a flight begins with, in words; "": those that its files give."""
-    from tgl_soar.control.found_gains import SHIPPED, are_for_another, on_found_aircraft
-
-    given = {**airframe.parameters, **site.parameters}
-    own = [name for name in (*SHIPPED, *ANCHORS) if name in given]
-    changed = [name for name in own if SHIPPED.get(name) != given[name]]
-    if changed:
-        if on_found_aircraft(values):
-            return ""
-        names = ", ".join(changed[:3]) + (" and others" if len(changed) > 3 else "")
-        return f"gains of pitch: as the files give them ({names}); none are sought"
-    if are_for_another(values):
-        reason = "the autopilot holds the attitude" if airframe.autopilot.holds_attitude else ""
-        return (
-            "gains of pitch: the shipped ones, as the schedule carries them to this aircraft:"
-            f" {reason or 'none have the margins that are asked for'}"
-        )
-    return "gains of pitch: sought for this aircraft" if has_own_anchors(values) else ""
 
 
 def load_flight(

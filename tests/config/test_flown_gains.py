@@ -1,0 +1,79 @@
+"""Whose gains of pitch a flight begins with, as operators are told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+from typer.testing import CliRunner
+
+from tgl_soar.cli.app import app
+from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.dynamics import SHORT_PERIOD_KEYS
+from tgl_soar.config.files import gains_words, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.control.found_gains import SHIPPED
+
+FILE, SITE_FILE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+PLANE, SITE = load_airframe(FILE), load_site(SITE_FILE)
+REST = {name: value for name, value in PLANE.parameters.items() if name not in SHIPPED}
+
+
+def words(plane: Airframe) -> str:
+    return gains_words(plane, SITE, load_parameters(plane, FILE, SITE, SITE_FILE))
+
+
+@pytest.mark.parametrize("parameters", [REST, PLANE.parameters])
+@pytest.mark.parametrize(
+    ("missing", "why"),
+    [
+        ([*PLANE.model], "the airframe file has no [model]"),
+        (["Cm_q"], "[model] of the airframe file has no Cm_q"),
+        (SHORT_PERIOD_KEYS, "no CL_alpha, Cm_alpha, Cm_q, Cm_elevator"),
+    ],
+)
+def test_gains_of_another_aircraft_are_named_as_such(
+    parameters: dict[str, float], missing: list[str], why: str
+) -> None:
+    """Nobody has found any for an aircraft that nobody knows."""
+    model = {name: value for name, value in PLANE.model.items() if name not in missing}
+    said = words(replace(PLANE, model=model, parameters=parameters))
+    assert said.startswith("gains of pitch: those of the Eclipson Model C: ")
+    assert said.endswith(f"{why} (`tgl-soar docs files`)")
+
+
+def test_an_aircraft_without_a_short_period_is_told_so() -> None:
+    """One whose coefficients are all there, and which is not stable."""
+    unstable = replace(PLANE, model={**PLANE.model, "Cm_alpha": 3.0}, parameters=REST)
+    assert "give no motion in pitch: DYN_FREQ = 0, DYN_DAMP = 0" in words(unstable)
+
+
+def test_an_aircraft_like_the_shipped_one_has_its_gains() -> None:
+    assert words(PLANE) == ""
+    assert words(replace(PLANE, parameters=REST)) == (
+        "gains of pitch: those of the Eclipson Model C, which this aircraft is like"
+    )
+
+
+def test_given_gains_of_an_unknown_aircraft_are_named() -> None:
+    given = {**PLANE.parameters, "RHO_P": 0.5}
+    assert words(replace(PLANE, parameters=given)) == ""
+    said = words(replace(PLANE, model={}, parameters=given))
+    assert said == "gains of pitch: as the files give them (RHO_P); none are sought"
+
+
+def test_show_does_not_call_them_sought(tmp_path: Path) -> None:
+    """With neither a model nor gains in the file: the shipped ones, and none are the file's."""
+    text = FILE.read_text(encoding="utf-8")
+    start, end = text.index("[model]"), text.index("[autopilot]")
+    kept = [line for line in (text[:start] + text[end:]).splitlines() if not line.startswith("RHO")]
+    file = tmp_path / "own.toml"
+    file.write_text("\n".join(line for line in kept if not line.startswith("ELE")))
+    command = ["params", "show", "--airframe", str(file), "--site", str(SITE_FILE)]
+    ran = CliRunner().invoke(app, [*command, "--state", str(tmp_path)], env={"COLUMNS": "200"})
+    assert ran.exit_code == 0, ran.output
+    rows = {line.split()[0]: line.split() for line in ran.output.splitlines() if line}
+    assert {rows[name][-1] for name in ("RHO_P", "ELE_D_IMU")} == {"shipped"}
+    assert {rows[name][-1] for name in ("RHO_SPEED", "ELE_FREQ")} == {"default"}
+    assert "those of the Eclipson Model C: the airframe file has no [model]" in ran.output
+    assert "sought" not in ran.output
