@@ -70,6 +70,17 @@ def test_gains_that_were_sought_are_named_as_such(tmp_path: Path) -> None:
     assert "gains of pitch: sought for this aircraft" in ran.output
 
 
+def test_a_contour_of_another_airframe_is_named_with_the_way_out(tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(AIRFRAME.read_text().replace('"Eclipson Model C"', '"own"'))
+    site = ["--site", str(shipped("sites/hill.toml")), "--state", str(tmp_path)]
+    for file, is_said in ((AIRFRAME, False), (own, True)):
+        ran = CliRunner().invoke(app, ["params", "show", "--airframe", str(file), *site])
+        said = " ".join(ran.output.split())
+        assert ("no line is checked: the site's contour is of" in said) == is_said
+        assert ("`tgl-soar site contour`" in said) == is_said
+
+
 def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:
     assert "no differences" in command("diff")
     (tmp_path / "mine.parm").write_text("RHO_D 0.34\nTGL_X 0.2\n")

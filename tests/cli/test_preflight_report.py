@@ -48,6 +48,21 @@ def test_what_is_wrong_with_fence_and_lines_is_reported(
     assert "cannot be engaged: the line's point is outside the fence" in words
 
 
+def test_a_contour_of_another_airframe_checks_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+    path = shipped("sites/hill.toml")
+    site = load_site(path)
+    values = load_parameters(PLANE, AIRFRAME, site, path)
+    assert not _place_reported(PLANE, site, values).doubts
+    assert "no line is checked" not in capsys.readouterr().out
+    other = replace(PLANE, airframe=replace(PLANE.airframe, name="own"))
+    assert _place_reported(other, site, values) == CheckedPart(True, ("no line is checked",))
+    words = (
+        f"no line is checked: the site's contour is of {PLANE.airframe.name!r}, the airframe is"
+        " 'own': put what `tgl-soar site contour` prints for it into the site file"
+    )
+    assert words in " ".join(capsys.readouterr().out.split())
+
+
 @pytest.mark.parametrize(
     ("changes", "is_enough", "words"),
     [

@@ -133,6 +133,7 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
     old = old_state_file(folder, airframe_path, site_path)
     store = ParameterStore(path, identity, files, presets, old)
     found = store.restore(looking=True)
+    words = gains_words(airframe, site, files), site.contour_words(airframe.airframe.name)
     return Beginning(
         airframe=airframe,
         site=site,
@@ -143,7 +144,7 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
         presets=presets,
         bounds=bounds_from(airframe, site),
         store=store,
-        notes=(*found.notes, *filter(None, [gains_words(airframe, site, files)])),
+        notes=(*found.notes, *filter(None, words)),
     )
 
 

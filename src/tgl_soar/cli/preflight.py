@@ -121,14 +121,15 @@ def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> Check
     bounds = bounds_from(plane, place)
     faults = bounds.preset_faults(values, preset_lines(place, values))
     fence, margins = open_sides(values), bounds.warning(values)
-    for words in (fence, margins, *faults):
+    contour = place.contour_words(plane.airframe.name)
+    for words in (fence, margins, contour, *faults):
         if words:
             console.print(words, style="yellow", highlight=False, markup=False, soft_wrap=True)
     fault = bounds.fault(values)
     if fault:
         text = f"cannot be engaged: {fault}"
         console.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
-    doubts = [fence, *faults]
+    doubts = [fence, "no line is checked" if contour else "", *faults]
     if flavour_of(plane).route.loops == OURS:  # on other routes nobody needs to judge them
         doubts.append(margins)
     return CheckedPart(not fault, tuple(filter(None, doubts)))

@@ -419,3 +419,14 @@ class Site(Strict, frozen=True):
         if self.contour is None or self.contour.airframe != airframe:
             return ()
         return tuple(tuple(part) for part in self.contour.parts)
+
+    def contour_words(self, airframe: str) -> str:
+        """Why no line is checked against the contour, and the way out; "": it is, or there is none
+        that was meant to be."""
+        if self.contour is None or self.contour.airframe == airframe:
+            return ""
+        return (
+            f"no line is checked: the site's contour is of {self.contour.airframe!r}, the airframe"
+            f" is {airframe!r}: put what `tgl-soar site contour` prints for it into the site file,"
+            " in place of [contour]"
+        )
