@@ -62,6 +62,32 @@ def test_given_gains_of_an_unknown_aircraft_are_named() -> None:
     assert said == "gains of pitch: as the files give them (RHO_P); none are sought"
 
 
+def without(ending: str) -> dict[str, float]:
+    return {n: v for n, v in PLANE.parameters.items() if n in SHIPPED and not n.endswith(ending)}
+
+
+@pytest.mark.parametrize(
+    ("given", "missing"),
+    [
+        ({"RHO_P": 0.5}, "RHO_I = 0.11, RHO_D = 0.25, RHO_D_FILT = 6.5 and others"),
+        ({"RHO_P": SHIPPED["RHO_P"]}, "RHO_I = 0.11, RHO_D = 0.25, RHO_D_FILT = 6.5 and others"),
+        (without("ELE_D"), "ELE_D = 0.19"),
+        (without("ELE_I_IMU") | {"RHO_P": 0.5}, "ELE_I_IMU = 0"),
+        (without("ELE_DSP_IMU") | {"RHO_P": 0.5}, ""),
+        (without("_IMU"), ""),
+    ],
+)
+def test_gains_that_are_missing_beside_others_are_warned_of(
+    given: dict[str, float], missing: str
+) -> None:
+    """On the aircraft that the shipped ones were found on, too, whatever is given of them."""
+    said = words(replace(PLANE, parameters={**REST, **given}))
+    if missing:
+        assert f"flown as declared: {missing}, which nobody found" in said
+    else:
+        assert said == ""
+
+
 def test_show_does_not_call_them_sought(tmp_path: Path) -> None:
     """With neither a model nor gains in the file: the shipped ones, and none are the file's."""
     text = FILE.read_text(encoding="utf-8")

@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final
 
@@ -83,10 +84,11 @@ def gains_words(airframe: Airframe, site: Site, values: ParameterSet) -> str:
     unknown = _unknown(airframe, values)
     if not nobody_gave(ParameterSet().changed(own)):
         changed = [name for name in own if SHIPPED.get(name) != own[name]] or [*own]
-        if is_found_one(values) and not unknown:
+        lacking = _lacking(own, values)
+        if is_found_one(values) and not unknown and not lacking:
             return ""
-        names = ", ".join(changed[:3]) + (" and others" if len(changed) > 3 else "")
-        return f"gains of pitch: as the files give them ({names}); none are sought"
+        names = _shortened(changed)
+        return f"gains of pitch: as the files give them ({names}); none are sought{lacking}"
     if are_for_another(values):
         reason = "the autopilot holds the attitude" if airframe.autopilot.holds_attitude else ""
         return (
@@ -98,6 +100,31 @@ def gains_words(airframe: Airframe, site: Site, values: ParameterSet) -> str:
     if unknown:
         return f"gains of pitch: those of the {FOUND_ON}: {unknown} (`tgl-soar docs files`)"
     return "" if own else f"gains of pitch: those of the {FOUND_ON}, which this aircraft is like"
+
+
+def _shortened(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (" and others" if len(names) > 3 else "")
+
+
+def _lacking(own: Mapping[str, float], values: ParameterSet) -> str:
+    """Of gains that are given, which are missing; "": none.
+
+    Those with accelerometers may all be left out, for the others are flown in their place then; and
+    the setpoint's part is none where it is not given.
+    """
+    from tgl_soar.control.found_gains import INERTIAL, INTEGRALS, PLAIN, SHIPPED, SOUGHT
+
+    inertial = {*SOUGHT[INERTIAL], *INTEGRALS[INERTIAL]}
+    needed = {*SOUGHT[PLAIN], *INTEGRALS[PLAIN], "ELE_D_FILT"}
+    if any(own.get(name, 0.0) > 0.0 for name in inertial):
+        needed |= inertial
+    missing = [f"{name} = {values[name]:g}" for name in SHIPPED if name in needed - own.keys()]
+    if not missing:
+        return ""
+    return (
+        f"; not given, and flown as declared: {_shortened(missing)}, which nobody found on an"
+        " aircraft: give all gains or none (`tgl-soar docs margins`)"
+    )
 
 
 def _unknown(airframe: Airframe, values: ParameterSet) -> str:
