@@ -146,7 +146,11 @@ RANGES: dict[type[Any], dict[str, tuple[float, float]]] = {
     of_airframe.AutopilotLink: {
         "system_id": (1, 255), "component_id": (2, 255), "override_system_id": (1, 255),
     },
-    of_airframe.AirframeMetadata: {name: MEASURED for name in BENCH if name != "name"},
+    of_airframe.AirframeMetadata: {
+        "mass_kg": (0.02, 100), "wing_area_m2": (0.001, 50), "span_m": (0.1, 20),
+        "chord_m": (0.01, 5), "ixx_kgm2": (1e-6, 1e4), "iyy_kgm2": (1e-6, 1e4),
+        "izz_kgm2": (1e-6, 1e4),
+    },
     of_airframe.Polar: {
         "c0": FINITE, "c1": FINITE, "c2": FINITE, "c3": FINITE, "speed_min_mps": (1e-9, 11.999999),
         "speed_max_mps": (7.500001, LARGEST),
@@ -369,6 +373,45 @@ def test_what_of_the_model_is_divided_by_is_above_zero(key: str, value: float, g
             airframe(model={key: value})
 
 
+@pytest.mark.parametrize("key", ["stall_alpha_negative_rad", "Cm_alpha", "Cm_q"])
+@pytest.mark.parametrize(("value", "good"), [(-1e-3, True), (0.0, False), (0.56, False)])
+def test_what_turns_an_aircraft_over_is_below_zero(key: str, value: float, good: bool) -> None:
+    if good:
+        assert airframe(model={key: value}).model[key] == value
+    else:
+        with pytest.raises(msgspec.ValidationError, match=rf"model\.{key} = {value:g}: .*below 0"):
+            airframe(model={key: value})
+
+
+@pytest.mark.parametrize("key", ["stall_alpha_rad", "stall_width_rad"])
+@pytest.mark.parametrize(("value", "good"), [(0.8, True), (0.801, False), (12.0, False)])
+def test_a_stall_is_in_radians(key: str, value: float, good: bool) -> None:
+    if good:
+        assert airframe(model={key: value}).model[key] == value
+    else:
+        with pytest.raises(msgspec.ValidationError, match=rf"model\.{key} = .*above 0, up to 0\.8"):
+            airframe(model={key: value})
+
+
+@pytest.mark.parametrize(
+    ("key", "low", "high", "by"),
+    [  # a rectangle of 1.1 m by 0.16 m; 0.7 kg at 2 % and at all of 1.1 m
+        ("wing_area_m2", 0.0704, 0.352, "by span_m = 1.1 and chord_m = 0.16"),
+        ("ixx_kgm2", 3.388e-4, 0.847, "by mass_kg = 0.7 and span_m = 1.1"),
+        ("iyy_kgm2", 3.388e-4, 0.847, "by mass_kg = 0.7 and span_m = 1.1"),
+        ("izz_kgm2", 3.388e-4, 0.847, "by mass_kg = 0.7 and span_m = 1.1"),
+    ],
+)
+def test_figures_of_one_aircraft_go_together(key: str, low: float, high: float, by: str) -> None:
+    """Each by itself is one that some aircraft has; in square centimetres or g cm² it is not."""
+    for value in (1.001 * low, 0.999 * high):
+        assert getattr(airframe(airframe={**BENCH, key: value}).airframe, key) == value
+    for value in (0.999 * low, 1.001 * high):
+        words = rf"airframe\.{key} = .*: must be from .* to .*, {by}"
+        with pytest.raises(msgspec.ValidationError, match=words):
+            airframe(airframe={**BENCH, key: value})
+
+
 @pytest.mark.parametrize(("key", "low", "high"), [
     ("propeller_thrust_n", 0.0, 1e4), ("propeller_speed_mps", 1.0, 200.0),
     ("propeller_lag_s", 0.0, 2.0),
@@ -445,7 +488,8 @@ def test_surfaces_that_can_be(
 def test_every_key_of_the_model_is_known_and_no_other() -> None:
     for key in of_airframe.MODEL_KEYS:
         if not key.startswith("propeller_"):
-            assert airframe(model={key: 0.5}).model == {key: 0.5}
+            value = -0.5 if key in of_airframe._NEGATIVE else 0.5
+            assert airframe(model={key: value}).model == {key: value}
     with pytest.raises((msgspec.ValidationError, ValueError), match=r"model\.CL_beta: unknown key"):
         airframe(model={"CL_beta": 0.5})
     assert len(of_airframe.MODEL_KEYS) == 38

@@ -43,9 +43,11 @@ def test_gains_of_another_aircraft_are_named_as_such(
 
 
 def test_an_aircraft_without_a_short_period_is_told_so() -> None:
-    """One whose coefficients are all there, and which is not stable."""
-    unstable = replace(PLANE, model={**PLANE.model, "Cm_alpha": 3.0}, parameters=REST)
-    assert "give no motion in pitch: DYN_FREQ = 0, DYN_DAMP = 0" in words(unstable)
+    """One whose coefficients are all there, and whose polar has no glide that it could have."""
+    model = {name: value for name, value in PLANE.model.items() if name not in ("CD0", "CD_lift")}
+    sinking = replace(PLANE.polar, c0=30.0, c1=0.0, c2=0.0, c3=0.0)
+    plane = replace(PLANE, model=model, polar=sinking, parameters=REST)
+    assert words(plane).endswith("give no motion in pitch: DYN_GLIDE = 0.4 (`tgl-soar docs files`)")
 
 
 def test_an_aircraft_like_the_shipped_one_has_its_gains() -> None:

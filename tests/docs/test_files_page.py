@@ -145,9 +145,12 @@ def test_the_keys_of_the_model_are_those_that_are_known() -> None:
     assert marked == [*airframe._AERODYNAMIC]
     sideways = re.findall(r"^\| `(\w+)` \|.*\| ○ ", PAGE.read_text(encoding="utf-8"), re.M)
     assert {*sideways} == {*lateral_gains._NEEDED} - {*marked}
-    positive = [key for key, told, _ in tables()["model"] if told == "above 0"]
+    positive = [key for key, told, _ in tables()["model"] if told.startswith("above 0")]
     assert positive == [*airframe._POSITIVE]
     told = {key: told for key, told, _ in tables()["model"]}
+    assert [key for key in told if told[key] == "below 0"] == [*airframe._NEGATIVE]
+    stall = f"above 0, up to {number(airframe.STALL_MAX_RAD)}"
+    assert [key for key in told if told[key] == stall] == [*airframe._BELOW_STALL_MAX]
     for key, low, high in airframe._PROPELLER_RANGES:
         assert told[key] == f"{number(low)} … {number(high)}"
 

@@ -151,17 +151,20 @@ MODEL_KINDS: Final[tuple[ModelKind, ...]] = ("rigid_body", "point_mass")
 MODEL_OPTIONS: Final[dict[str, ModelKind]] = {kind.replace("_", "-"): kind for kind in MODEL_KINDS}
 
 
+Inertia = Annotated[float, Meta(ge=1e-6, le=1e4)]
+
+
 class AirframeMetadata(Strict, frozen=True):
-    """What can be read off the bench."""
+    """What can be read off the bench: of anything from a model of 10 cm to a sailplane's size."""
 
     name: str
-    mass_kg: Measured
-    wing_area_m2: Measured
-    span_m: Measured
-    chord_m: Measured
-    ixx_kgm2: Measured
-    iyy_kgm2: Measured
-    izz_kgm2: Measured
+    mass_kg: Annotated[float, Meta(ge=0.02, le=100.0)]
+    wing_area_m2: Annotated[float, Meta(ge=0.001, le=50.0)]
+    span_m: Annotated[float, Meta(ge=0.1, le=20.0)]
+    chord_m: Annotated[float, Meta(ge=0.01, le=5.0)]
+    ixx_kgm2: Inertia
+    iyy_kgm2: Inertia
+    izz_kgm2: Inertia
 
 
 class Polar(Strict, frozen=True):
@@ -216,6 +219,8 @@ class Airframe(Strict, frozen=True):
         for key in _POSITIVE:
             if not self.model.get(key, 1.0) > 0.0:
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
+        _check_size(self.airframe)
+        _check_signs(self.model)
         _check_propeller(self.model)
 
     def all_parameters(self) -> dict[str, float]:
@@ -257,6 +262,35 @@ class Airframe(Strict, frozen=True):
         return tuple(key for key in _AERODYNAMIC if key not in self.model) if self.model else ()
 
 
+def _check_size(bench: AirframeMetadata) -> None:
+    """Errors: ValueError for figures that cannot be of one aircraft, such as in other units."""
+    rectangle = bench.span_m * bench.chord_m
+    low, high = (factor * rectangle for factor in _OF_SPAN_TIMES_CHORD)
+    if not low <= bench.wing_area_m2 <= high:
+        raise ValueError(
+            f"airframe.wing_area_m2 = {bench.wing_area_m2:g}: must be from {low:.3g} to {high:.3g},"
+            f" by span_m = {bench.span_m:g} and chord_m = {bench.chord_m:g}"
+        )
+    low, high = (bench.mass_kg * (part * bench.span_m) ** 2 for part in _GYRATION_OF_SPAN)
+    for key in ("ixx_kgm2", "iyy_kgm2", "izz_kgm2"):
+        if not low <= getattr(bench, key) <= high:
+            raise ValueError(
+                f"airframe.{key} = {getattr(bench, key):g}: must be from {low:.2g} to {high:.2g},"
+                f" by mass_kg = {bench.mass_kg:g} and span_m = {bench.span_m:g}"
+            )
+
+
+def _check_signs(model: dict[str, float]) -> None:
+    """Errors: ValueError for a stall that no wing has, and for a tail that turns it over."""
+    for key in _BELOW_STALL_MAX:
+        if not model.get(key, 0.0) <= STALL_MAX_RAD:
+            allowed = f"above 0, up to {STALL_MAX_RAD:g} (radians)"
+            raise ValueError(f"model.{key} = {model[key]:g}: must be {allowed}")
+    for key in _NEGATIVE:
+        if not model.get(key, -1.0) < 0.0:
+            raise ValueError(f"model.{key} = {model[key]:g}: must be below 0")
+
+
 def _check_propeller(model: dict[str, float]) -> None:
     """Errors: ValueError for half of a propeller's figures, or some out of their range."""
     for key, low, high in _PROPELLER_RANGES:
@@ -269,6 +303,13 @@ def _check_propeller(model: dict[str, float]) -> None:
         raise ValueError(f"model.{missing}: missing, where {given[0]} is given")
 
 
+# A mean chord makes it 1; a delta's aerodynamic one 0.75, the root's of any wing 0.5 and more.
+_OF_SPAN_TIMES_CHORD: Final = (0.4, 2.0)
+# Radii of gyration: 0.12 to 0.17 in roll and yaw, 0.06 to 0.12 in pitch; 0.5 is a mass at the tips.
+_GYRATION_OF_SPAN: Final = (0.02, 1.0)
+STALL_MAX_RAD: Final = 0.8  # 46 degrees
+_BELOW_STALL_MAX: Final = ("stall_alpha_rad", "stall_width_rad")
+_NEGATIVE: Final = ("stall_alpha_negative_rad", "Cm_alpha", "Cm_q")
 _ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
 OF_THE_BRAKE: Final = ("CL_brake", "CD_brake", "Cm_brake")  # 0 where [model] has none
 # Without one there are none of them; a lag that is not given is none.

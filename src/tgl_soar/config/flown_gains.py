@@ -139,5 +139,7 @@ def _unknown(airframe: Airframe, values: ParameterSet) -> str:
     if lacks := [key for key in SHORT_PERIOD_KEYS if key not in airframe.model]:
         return f"[model] of the airframe file has no {', '.join(lacks)}"
     names = ("DYN_SPEED", "DYN_FREQ", "DYN_DAMP", "DYN_EFFECT", "DYN_PATH", "DYN_GLIDE", "DYN_BEST")
-    figures = ", ".join(f"{name} = {values[name]:g}" for name in names if values[name] < 1e-3)
-    return f"[airframe], [model] and [dynamics] give no motion in pitch: {figures or 'DYN_GLIDE'}"
+    least = {"DYN_GLIDE": 1.0, "DYN_BEST": 1.0}
+    low = [name for name in names if not values[name] >= least.get(name, 1e-6)]
+    figures = ", ".join(f"{name} = {values[name]:g}" for name in low)
+    return f"[airframe], [model] and [dynamics] give no motion in pitch: {figures}"
