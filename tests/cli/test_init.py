@@ -68,6 +68,25 @@ def test_airframe_and_site_are_read(tmp_path: Path, site: str, firmware: str) ->
     assert place_file.read_text().startswith("#")
 
 
+@pytest.mark.parametrize("firmware", ["bridge", "ardupilot"])
+def test_the_firmware_is_not_said_to_be_another_one(tmp_path: Path, firmware: str) -> None:
+    begun(tmp_path, "--firmware", firmware)
+    (line,) = re.findall(r"(?m)^firmware = .*$", (tmp_path / "airframe.toml").read_text())
+    assert line.startswith(f'firmware = "{firmware}"')
+    assert ("the aircraft's own" in line) == (firmware == "bridge")
+    assert "on the aircraft" not in line
+
+
+def test_whoever_has_another_aircraft_is_told_all_that_is_another(folder: Path) -> None:
+    """Its mass alone would leave inertias, moments and gains of the shipped one."""
+    step = (folder / "README.md").read_text().partition("## 2.")[2].partition("## 3.")[0]
+    for word in ("`name`", "span", "inertia", "`[model]`", "`[polar]`", "gains", "`[contour]`"):
+        assert word in step
+    assert "`tgl-soar docs files`" in step
+    assert "## A new aircraft\n" in (manual() / "files.md").read_text()
+    assert "the gains (RHO_…, ELE_…) are to be deleted" in (folder / "airframe.toml").read_text()
+
+
 @pytest.mark.parametrize("heading", ["Satellites", "Motion capture"])
 def test_what_a_real_place_needs_is_there_to_be_uncommented(folder: Path, heading: str) -> None:
     text = (folder / "site.toml").read_text()

@@ -93,7 +93,7 @@ def contents(folder: Path, start: str, airframe: str, firmware: str, link: str) 
         "link": shlex.quote(link),
     }
     return {
-        "airframe.toml": _with_firmware(plane_file.read_text(encoding="utf-8"), firmware),
+        "airframe.toml": _with_firmware(_COPY + plane_file.read_text(encoding="utf-8"), firmware),
         "site.toml": _site(site_file.read_text(encoding="utf-8")),
         "tgl-soar.service": unit(command, [folder, Path(sys.prefix), Path(sys.base_prefix)]),
         "qgc_actions.json": qgc_actions(load_airframe(plane_file)),
@@ -103,12 +103,23 @@ def contents(folder: Path, start: str, airframe: str, firmware: str, link: str) 
     }
 
 
+_COPY: Final = """\
+# A copy. For another aircraft every figure of [airframe], [model] and [polar] is another one, its
+# name too, and the gains (RHO_…, ELE_…) are to be deleted: they are sought for it then. README.md
+# beside this file and `tgl-soar docs files` tell how.
+
+"""
+
+
 def _template(name: str) -> str:
     return shipped(f"templates/{name}").read_text(encoding="utf-8")
 
 
 def _with_firmware(text: str, firmware: str) -> str:
-    changed, count = re.subn(r'(?m)^firmware = "\w+"', f'firmware = "{firmware}"', text)
+    line = f'firmware = "{firmware}"'
+    if firmware == "bridge":
+        line += "         # the simulated one; give the aircraft's own here"
+    changed, count = re.subn(r'(?m)^firmware = "\w+".*$', line, text)
     if count != 1:
         raise ConfigError("airframe: no line firmware = … in [autopilot] to replace")
     return changed
