@@ -308,7 +308,11 @@ BAD_AIRFRAMES = [
         "surfaces.aileron = an array: must be a table with channel, pwm_min, pwm_trim, pwm_max,"
         " reversed",
     ),
-    ("{ channel = 1 }", "{ channel = 4 }", "surfaces: two surfaces share a channel: [2, 4, 4]"),
+    (
+        "{ channel = 1 }",
+        "{ channel = 4 }",
+        "surfaces: two surfaces share a channel: aileron 4, rudder 4; give each its own",
+    ),
     (
         "pwm_trim = 1520",
         "pwm_trim = 900",
@@ -319,7 +323,11 @@ BAD_AIRFRAMES = [
         "pwm_max = 2300",
         "surfaces.rudder.pwm_max = 2300: must be a whole number from 800 to 2200",
     ),
-    ("speed_max_mps = 12", "speed_max_mps = 7", "polar: speed_min_mps must be below speed_max_mps"),
+    (
+        "speed_max_mps = 12",
+        "speed_max_mps = 7",
+        "polar: speed_min_mps = 7.5: must be below speed_max_mps = 7",
+    ),
     (
         "RHO_P = 0.5",
         "RHO_Q = 0.5",
@@ -332,7 +340,7 @@ BAD_AIRFRAMES = [
     (
         "PITCH_TRIM = -1.5",
         "PITCH_MIN = 20",
-        "parameters.PITCH_MIN = 20: PITCH_MIN must be below PITCH_MAX",
+        "parameters.PITCH_MIN = 20: PITCH_MIN must be below PITCH_MAX (PITCH_MAX = 12)",
     ),
 ]
 

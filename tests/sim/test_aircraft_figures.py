@@ -76,7 +76,7 @@ def test_a_figure_is_a_number_of_a_size_that_there_is(name: str) -> None:
     for bad in (1e6, inf, nan, -1e6):
         with pytest.raises(ValueError, match=f"{where(name)} = .*: must be finite, and below 1e6"):
             made_with(name, bad)
-    for word in ("1", True, None):
+    for word in ("1", True):
         with pytest.raises(ValueError, match=f"{where(name)} = {word}: a number is needed"):
             made_with(name, word)
 
@@ -88,7 +88,7 @@ def test_only_brake_and_propeller_may_be_missing(name: str) -> None:
     if name in OPTIONAL:
         assert getattr(aircraft_model(table, figures), name) == 0.0
     else:
-        with pytest.raises(ValueError, match=f"{where(name)} = None: a number is needed"):
+        with pytest.raises(ValueError, match=f"{where(name)}: missing; a number"):
             aircraft_model(table, figures)
 
 

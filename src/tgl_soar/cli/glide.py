@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, fail
-from tgl_soar.config.files import ConfigError, load_airframe
+from tgl_soar.config.files import ConfigError, check_simulated, load_airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
@@ -36,6 +36,7 @@ def glide(
 
     try:
         plane = load_airframe(airframe)
+        check_simulated(airframe, plane)
         texts = {"airframe": airframe.read_text(encoding="utf-8")}
     except (ConfigError, OSError) as error:
         fail(error)

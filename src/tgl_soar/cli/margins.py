@@ -19,7 +19,7 @@ from tgl_soar.cli.console import (
     fail,
     say,
 )
-from tgl_soar.config.files import ConfigError, load_flight
+from tgl_soar.config.files import ConfigError, check_simulated, load_flight
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.onboard.setup import flavour_of
 from tgl_soar.types import OURS
@@ -58,6 +58,7 @@ def margins(
 
     try:
         plane, _, values = load_flight(airframe, site)
+        check_simulated(airframe, plane)
         is_ours = flavour_of(plane).route.loops == OURS
         best = values["DYN_BEST"]
         cases = found.grid(

@@ -29,7 +29,13 @@ from tgl_soar.cli.console import (
 )
 from tgl_soar.cli.report import Named, write
 from tgl_soar.config.airframe import MODEL_OPTIONS
-from tgl_soar.config.files import ConfigError, load_airframe, load_flight, load_site
+from tgl_soar.config.files import (
+    ConfigError,
+    check_simulated,
+    load_airframe,
+    load_flight,
+    load_site,
+)
 from tgl_soar.config.site import PolynomialAir
 from tgl_soar.onboard.flightlog.files import kept_in
 
@@ -264,6 +270,7 @@ def _say_what_flies(options: SitlOptions) -> None:
 
     try:
         airframe, site = load_airframe(options.airframe), load_site(options.site)
+        check_simulated(options.airframe, airframe)
         kind = None if options.model is None else MODEL_OPTIONS[options.model]
         wind = ""
         if isinstance(site.air, PolynomialAir):

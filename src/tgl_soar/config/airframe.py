@@ -89,9 +89,16 @@ class Surfaces(Strict, frozen=True):
             force_setattr(self, "aileron", left)
         channels = [surface.channel for surface in self.driven()]
         if len(set(channels)) != len(channels):
-            raise ValueError(f"two surfaces share a channel: {channels}")
+            raise ValueError(f"two surfaces share a channel: {self._shared()}; give each its own")
         if self.throttle is not None and self.throttle.channel in channels:
             raise ValueError(f"throttle shares channel {self.throttle.channel} with a surface")
+
+    def _shared(self) -> str:
+        one = "aileron" if self.aileron_left is None else "aileron_left"
+        names = (one, "elevator", "rudder", "aileron_right", "flap", "spoiler")
+        moved = [(n, s.channel) for n in names if (s := getattr(self, n)) is not None]
+        both = [channel for _, channel in moved]
+        return ", ".join(f"{name} {channel}" for name, channel in moved if both.count(channel) > 1)
 
     @property
     def brake(self) -> Surface | None:
@@ -179,7 +186,10 @@ class Polar(Strict, frozen=True):
 
     def __post_init__(self) -> None:
         if not self.speed_min_mps < self.speed_max_mps:
-            raise ValueError("speed_min_mps must be below speed_max_mps")
+            raise ValueError(
+                f"speed_min_mps = {self.speed_min_mps:g}: must be below speed_max_mps ="
+                f" {self.speed_max_mps:g}"
+            )
 
     def as_polar(self) -> GlidePolar:
         """The polar that the laws and the contour take."""
@@ -336,6 +346,10 @@ MODEL_KEYS: Final = (
     *OF_THE_BRAKE,
     *OF_THE_PROPELLER,
     *("servo_lag_radps", "servo_rate_per_s", "servo_travel", "servo_delay_s", "thrust_n"),
+)
+# Of these all that the simulation cannot do without.
+SIMULATED_KEYS: Final = tuple(
+    key for key in MODEL_KEYS if key not in (*OF_THE_BRAKE, *OF_THE_PROPELLER, "thrust_n")
 )
 _POSITIVE: Final = (
     "gravity_mps2",

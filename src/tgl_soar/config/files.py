@@ -20,7 +20,12 @@ from typing import Any, Final, TypeVar
 import msgspec
 from msgspec import Struct, inspect
 
-from tgl_soar.config.airframe import MODEL_KIND_FIELD, MODEL_KINDS, Airframe
+from tgl_soar.config.airframe import (
+    MODEL_KIND_FIELD,
+    MODEL_KINDS,
+    SIMULATED_KEYS,
+    Airframe,
+)
 from tgl_soar.config.flown_gains import gains_words as gains_words  # of what is read here
 from tgl_soar.config.flown_gains import with_own_gains
 from tgl_soar.config.lateral_gains import airframe_parameters
@@ -81,6 +86,20 @@ def load_airframe(path: str | Path) -> Airframe:
     airframe = load_file(path, Airframe, _AIRFRAMES)
     _checked_airframe(path, airframe)
     return airframe
+
+
+def check_simulated(path: str | Path, airframe: Airframe) -> None:
+    """Whether an airframe file has all that the simulation and its linear model take; path: of it.
+    Errors: `ConfigError`."""
+    missing = [key for key in SIMULATED_KEYS if key not in airframe.model]
+    if not airframe.model:
+        raise ConfigError(f"{path}: [model]: missing, and nothing is simulated without: {_KEYS_OF}")
+    if missing:
+        names = ", ".join(f"model.{key}" for key in missing)
+        raise ConfigError(f"{path}: {names}: missing, and nothing is simulated without: {_KEYS_OF}")
+
+
+_KEYS_OF: Final = "`tgl-soar docs files` lists its keys"
 
 
 def load_site(path: str | Path) -> Site:

@@ -150,17 +150,17 @@ def _parsed(row: str) -> tuple[int | None, str, float]:
     """Component (None: the row does not tell), name and value.  Errors: `_BadRow`."""
     fields = row.replace(",", " ").split()
     if len(fields) == 2:
-        return None, fields[0], _number(fields[1])
+        return None, fields[0], _number(fields[1], fields[0])
     if len(fields) != 5:
         raise _BadRow(f"{row[:40]!r}: neither `NAME VALUE` nor `SYSTEM COMPONENT NAME VALUE TYPE`")
     system, component, name, value, kind = fields
     for word in (system, component, kind):
         if not _ID.fullmatch(word):
             raise _BadRow(f"{word[:40]!r}: system, component and type are whole numbers")
-    return int(component), name, _number(value)
+    return int(component), name, _number(value, name)
 
 
-def _number(word: str) -> float:
+def _number(word: str, name: str) -> float:
     if not _NUMBER.fullmatch(word):
-        raise _BadRow(f"{word[:40]!r}: not a number")
+        raise _BadRow(f"{name[:40]} = {word[:40]}: not a number")
     return float(word)

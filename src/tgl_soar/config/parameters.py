@@ -984,7 +984,9 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
     """Raise if two parameters contradict each other, blaming one that was changed."""
 
     def blame(candidates: tuple[str, ...], reason: str) -> ParameterError:
-        name = next((c for c in candidates if c in changes), candidates[0])
+        name, *others = sorted(candidates, key=lambda candidate: candidate not in changes)
+        told = ", ".join(f"{other} = {values[other]:g}" for other in others)
+        reason = reason if any(map(str.isdigit, reason)) else f"{reason} ({told})"
         return ParameterError(name, f"{values[name]:g}", reason)
 
     lean, lean_min, lean_max = values["TGL_LEAN"], values["TGL_LEAN_MIN"], values["TGL_LEAN_MAX"]
@@ -1010,8 +1012,7 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
             ("PITCH_TRIM", "PITCH_MIN", "PITCH_MAX"),
             "PITCH_TRIM must lie between PITCH_MIN and PITCH_MAX",
         )
-    contradiction = _recovery_contradiction(values)
-    if contradiction is not None:
+    if (contradiction := _recovery_contradiction(values)) is not None:
         raise blame(*contradiction)
     if values["OP_RC_OFF"] >= values["OP_RC_ON"]:
         raise blame(("OP_RC_OFF", "OP_RC_ON"), "OP_RC_OFF must be below OP_RC_ON")
@@ -1023,10 +1024,9 @@ def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
     for low, high in (("FENCE_X_MIN", "FENCE_X_MAX"), ("FENCE_Z_MIN", "FENCE_Z_MAX")):
         if not values[low] < values[high]:
             raise blame((low, high), f"{low} must be below {high}")
-    travel = values["SURF_MAX"]
     for name in ("ELE_TRIM", "AIL_TRIM", "RUD_TRIM"):
-        if abs(values[name]) > travel:
-            raise blame((name, "SURF_MAX"), f"{name} must lie within SURF_MAX = {travel:g}")
+        if abs(values[name]) > values["SURF_MAX"]:
+            raise blame((name, "SURF_MAX"), f"{name} must lie within SURF_MAX")
     if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
         raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")
 

@@ -218,6 +218,8 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
     for name in AircraftModel._fields:
         table, where = (airframe, "airframe") if name in _METADATA else (model, "model")
         value = table.get(name, 0.0 if name in _MAY_BE_MISSING else None)
+        if value is None:
+            raise ValueError(f"{where}.{name}: missing; a number is needed")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{where}.{name} = {value}: a number is needed")
         number = float(value)
