@@ -2,7 +2,15 @@
 
 import sys
 
-from tgl_soar.sim.bridge.process import main
+from tgl_soar.cli.__main__ import STOPPED, begin_loading, loaded
 
 if __name__ == "__main__":
-    sys.exit(main())
+    begin_loading()
+    from tgl_soar.sim.bridge.process import main
+
+    loaded()
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:  # while it builds its world; then it ends in order
+        print("error: stopped", file=sys.stderr)
+        sys.exit(STOPPED)

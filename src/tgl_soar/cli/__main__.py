@@ -10,20 +10,25 @@ import errno
 import os
 import signal
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
-
-from tgl_soar.onboard import standard_streams
 
 INTERPRETED: Final = "--interpreted"
 FULL: Final = (errno.ENOSPC, errno.EDQUOT)
+STOPPED: Final = 128 + signal.SIGINT
 
 
 def main() -> None:
     """Entry point of `tgl-soar`.
 
+    Ctrl-C ends it with a word from the first moment, `run` without one and with 0, as in flight.
     Where nobody reads on (`tgl-soar … | head`), it ends without a word about it, and where the disk
     is full (`tgl-soar … > file`), with one.
     """
+    begin_loading()
+    from tgl_soar.onboard import standard_streams
+
     standard_streams.reserve()
     try:
         try:
@@ -31,6 +36,11 @@ def main() -> None:
         finally:
             if sys.stdout is not None:  # closed by whoever started it
                 sys.stdout.flush()
+    except KeyboardInterrupt:  # before a command, or `run`, has taken it for its own
+        if sys.argv[1:2] == ["run"]:
+            raise SystemExit(0) from None
+        print("error: stopped", file=sys.stderr)
+        raise SystemExit(STOPPED) from None
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for Python's own flush
         raise SystemExit(128 + signal.SIGPIPE) from None
@@ -42,7 +52,40 @@ def main() -> None:
         raise SystemExit(2) from None
 
 
+def stop_at_once(number: int, _frame: object) -> None:
+    """Ctrl-C's handler while libraries load: nothing is open yet that had to be closed.
+
+    Raised in the middle of one, a KeyboardInterrupt would come out of it as anything.
+    """
+    if sys.argv[1:2] == ["run"]:
+        os._exit(0)
+    os.write(2, b"error: stopped\n")
+    os._exit(128 + number)
+
+
+def begin_loading() -> None:
+    """Until `loaded`, Ctrl-C ends the process at once; unless somebody else handles it."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        with suppress(ValueError):  # only the main thread may
+            signal.signal(signal.SIGINT, stop_at_once)
+
+
+def loaded() -> None:
+    """Ctrl-C is a KeyboardInterrupt again."""
+    if signal.getsignal(signal.SIGINT) is stop_at_once:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def _command() -> None:
+    try:
+        command = _loaded_command()
+    finally:
+        loaded()
+    command()
+
+
+def _loaded_command() -> Callable[[], None]:
+    """What was typed, with all that it needs."""
     if sys.argv[1:2] == ["run"]:
         from tgl_soar.onboard import native
 
@@ -50,10 +93,13 @@ def _command() -> None:
             native.use()
         from tgl_soar.onboard.process import main as run
 
-        raise SystemExit(run(sys.argv[2:]))
+        def fly() -> None:
+            raise SystemExit(run(sys.argv[2:]))
+
+        return fly
     from tgl_soar.cli.commands import asked
 
-    asked(sys.argv[1:])()
+    return asked(sys.argv[1:])
 
 
 if __name__ == "__main__":
