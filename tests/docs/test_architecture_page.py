@@ -52,11 +52,13 @@ def test_the_rows_of_imports_are_those_that_are_asserted() -> None:
     assert stated == TABLE
 
 
-FILES = "files"  # config.files: it stands above the laws, which seek gains for what it reads
+# config.files, with whose gains are flown: above the laws, which seek gains for what it reads.
+FILES = "files"
 
 
 def box(unit: str) -> str:
-    return FILES if unit == "config.files" else unit.split(".")[0]
+    is_files = unit in ("config.files", "config.flown_gains")
+    return FILES if is_files else unit.split(".")[0]
 
 
 def test_the_arrows_of_imports_lead_where_the_rows_lead() -> None:
