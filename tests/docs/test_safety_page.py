@@ -150,6 +150,10 @@ LOOKED_AT = {
     r"enough time to release": r"TimeoutStopSec.*>=",
     r"never the surfaces": r"surface_frames - surfaces == ticked",
     r"^nothing$": r"mode_now in",
+    r"raises no fault": r"not found\.faults & h\.DISAGREES|not state\.lies",
+    r"its own gains": r"schedule_at_age\(.*\) == AS_FOUND",
+    r"go by the commands": r"stopped\.air == without\.air",
+    r"way out counts": r"RELEASE in heard",
 }
 PROOFS = proofs()
 # A target of the fuzzer raises by itself what it finds.
