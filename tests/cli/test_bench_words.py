@@ -338,7 +338,8 @@ def checked(**more: Any) -> Any:
 
 
 def test_what_must_be_changed_is_listed_with_the_way(capsys: Out) -> None:
-    assert preflight._reported(checked(), "", show_all=False) == 1
+    part = preflight._reported(checked(), "", show_all=False)
+    assert preflight._concluded([part]) == 1
     said = capsys.readouterr().out
     assert "Firmware by M in mode: 3 parameters, 1 as needed" in said
     assert rows(said) == [
@@ -354,12 +355,13 @@ def test_what_must_be_changed_is_listed_with_the_way(capsys: Out) -> None:
 def test_what_should_be_changed_is_ready_all_the_same(capsys: Out) -> None:
     made = checked()
     some = checked(findings=[made.ok, made.unwise], wrong=[made.unwise])
-    assert preflight._reported(some, "", show_all=False) == 0
-    assert "ready, though some parameters should be changed" in capsys.readouterr().out
-    assert preflight._reported(checked(findings=[made.ok], wrong=[]), "", show_all=False) == 0
+    assert preflight._concluded([preflight._reported(some, "", show_all=False)]) == 0
+    assert "ready, but some parameters should be changed" in capsys.readouterr().out
+    well = preflight._reported(checked(findings=[made.ok], wrong=[]), "", show_all=False)
+    assert preflight._concluded([well]) == 0
     said = capsys.readouterr().out
     assert "ready\n" in said
-    assert "though" not in said
+    assert "but" not in said
     assert rows(said) == []
 
 
@@ -372,14 +374,16 @@ def test_a_refusal_or_a_slow_line_is_not_ready(
 ) -> None:
     made = checked()
     some = checked(findings=[made.ok], wrong=[], **more)
-    assert preflight._reported(some, too_slow, show_all=False) == 1
+    part = preflight._reported(some, too_slow, show_all=False)
+    assert preflight._concluded([part]) == 1
     said = capsys.readouterr().out
     assert words in said
     assert "not ready" in said
 
 
 def test_a_firmware_without_parameters_is_told(capsys: Out) -> None:
-    assert preflight._reported(checked(findings=[], wrong=[]), "", show_all=True) == 0
+    part = preflight._reported(checked(findings=[], wrong=[]), "", show_all=True)
+    assert (part.good, part.doubts) == (True, ("its set-up cannot be read over the link",))
     said = capsys.readouterr().out
     assert "its set-up cannot be read over the link: see docs/hardware.md" in said
     assert "ready" not in said
