@@ -27,8 +27,8 @@ from tgl_soar.config.files import (
     load_parameters,
     load_site,
     shipped,
-    with_own_gains,
 )
+from tgl_soar.config.flown_gains import with_own_gains
 from tgl_soar.config.parameters import ANCHORS, ParameterSet
 from tgl_soar.control import loop_margin, pitch_design
 from tgl_soar.control.found_gains import INERTIAL, SETS, SHIPPED, nobody_gave
