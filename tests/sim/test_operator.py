@@ -265,7 +265,20 @@ def test_a_line_moved_by_another_station_is_noted_and_flown_on() -> None:
     for i in range(50, 100):
         module.second(i * 0.05)
     assert operator.done
-    assert operator.flown[0].by_hand
+    flown = operator.flown[0]
+    assert flown.by_hand
+    assert flown.found == {
+        "TGL_X": pytest.approx(LEG.parameters["TGL_X"]),
+        "TGL_Z": pytest.approx(1.7),
+        "TGL_LEAN": pytest.approx(LEG.parameters["TGL_LEAN"]),
+    }
+    assert 2.5 <= flown.moved_s <= 2.6
+
+
+def test_a_line_that_nobody_has_moved_is_the_legs_own() -> None:
+    operator = Operator([LEG], 1, 191)
+    run(Module(operator), 6.0)
+    assert (operator.flown[0].found, operator.flown[0].moved_s) == ({}, -inf)
 
 
 def test_it_answers_the_lockstep_barrier_and_hears_no_other_vehicle() -> None:

@@ -4,7 +4,7 @@ and ended; how a leg's line, score and verdict are read."""
 from __future__ import annotations
 
 import sys
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
@@ -236,6 +236,23 @@ def test_a_leg_is_scored_from_when_its_line_stood_to_its_end() -> None:
     assert score.rms_e_rho_m == pytest.approx(1.0)
     assert (score.rms_y_m, score.rms_bank_rad) == (0.5, 0.25)
     assert (score.mean_x_m, score.mean_z_m) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("moved_s", "later_alone"), [(20.0, True), (28.0, True), (28.5, False), (-inf, False)]
+)
+def test_a_leg_that_was_moved_by_hand_is_scored_on_the_line_that_is_flown(
+    moved_s: float, later_alone: bool
+) -> None:
+    """From 20 s on it is held on another one; after a move at the very end all of it counts."""
+    time = np.linspace(0.0, 40.0, 401)
+    zeros = np.zeros(401)
+    truth = {"time_s": time, "x_m": np.where(time >= 20.0, 3.0, 2.0), "z_m": zeros + 2.0}
+    truth |= {"y_m": zeros, "roll_rad": zeros}
+    leg = flown(stopped_s=10.0, ended_s=30.0, moved_s=moved_s)
+    [score] = sitl._scores([leg], [(3.0, 2.0, pi / 2)], [None], truth)
+    assert (score.rms_e_rho_m == 0.0) == later_alone
+    assert score.rms_e_rho_m == 0.0 or score.rms_e_rho_m > 0.5
 
 
 @pytest.mark.parametrize(("load", "named"), [(2.5, True), (2.0, False), (1.0, False)])

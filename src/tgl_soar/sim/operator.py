@@ -56,7 +56,15 @@ class FlownLeg:
     stopped_s: float = float("nan")  # the line stood still at its target
     ended_s: float = float("nan")
     by_hand: bool = False  # another ground station has moved the line meanwhile
-    found: dict[str, float] = field(default_factory=dict)  # the line that a search has found
+    # The line that a search has found, or that another ground station has moved it to.
+    found: dict[str, float] = field(default_factory=dict)
+    moved_s: float = float("-inf")  # when that was last seen to move
+
+    def follow(self, seen: LastTelemetry) -> None:
+        """Take the line that is flown for this leg's."""
+        shown = {name: seen.values.get(key, float("nan")) for name, key in LINE.items()}
+        if shown != self.found and all(isfinite(value) for value in shown.values()):
+            self.found, self.moved_s = shown, seen.time_s
 
 
 @dataclass
@@ -222,7 +230,8 @@ class Operator:
                 self._wait_for_line(flown)
         elif self._stage == "stay":
             flown = self.flown[-1]
-            self._moved_by_hand(flown)
+            if self._moved_by_hand(flown):
+                flown.follow(self.telemetry)
             if flown.leg.searches and not (self._line_stands(flown.leg) or flown.by_hand):
                 self._stage = "move"  # it has found a better one, or its place is gone
             elif self._surveyed(flown) or self._stayed(flown):

@@ -183,16 +183,22 @@ def _line(parameters: Mapping[str, float]) -> tuple[float, float, float]:
     return parameters["TGL_X"], parameters["TGL_Z"], eta_rad
 
 
+STOOD_S = 2.0  # shorter, and nothing can settle on it, as of the report's legs
+
+
 def _scores(
     flown: list[FlownLeg],
     lines: list[tuple[float, float, float]],
     crossings: list[Crossing | None],
     truth: dict[str, Floats],
 ) -> list[LegScore]:
-    """How well each leg was held while its line stood."""
+    """How well each leg was held while its line stood; of one that somebody else has moved, since
+    it was last seen to move, if it stood for long enough then."""
     scores = []
     for leg, line, crossing in zip(flown, lines, crossings, strict=True):
-        rows = (truth["time_s"] >= leg.stopped_s) & (truth["time_s"] <= leg.ended_s)
+        stood_since = leg.moved_s <= leg.ended_s - STOOD_S
+        begin_s = max(leg.stopped_s, leg.moved_s) if stood_since else leg.stopped_s
+        rows = (truth["time_s"] >= begin_s) & (truth["time_s"] <= leg.ended_s)
         scores.append(
             score_leg(
                 leg.leg.name,
