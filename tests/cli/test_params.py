@@ -58,6 +58,13 @@ def test_show_tells_where_each_value_is_from(command: Command, tmp_path: Path) -
     assert rows["TGL_CAPTURE"][-1] == "default"
 
 
+def test_where_nothing_is_stored_it_says_so(command: Command, tmp_path: Path) -> None:
+    assert "\nnothing is stored in state/" in command("show")
+    (tmp_path / "mine.parm").write_text("RHO_D 0.34\n")
+    command("import", "mine.parm")
+    assert "\nstored in state/" in command("show")
+
+
 def test_gains_that_were_sought_are_named_as_such(tmp_path: Path) -> None:
     """And no file has them."""
     glider, jet = shipped("scenarios/unseen/glider.toml"), shipped("scenarios/unseen/jet.toml")

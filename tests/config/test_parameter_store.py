@@ -23,6 +23,7 @@ from tgl_soar.config.parameter_store import (
     Identity,
     OtherVehicleError,
     ParameterStore,
+    Restored,
     StoreError,
     old_state_file,
     read_state,
@@ -57,6 +58,29 @@ def saved(path: Path, *changes: dict[str, float]) -> None:
 
 
 # --- what is kept -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("looking", [False, True])
+def test_a_place_that_cannot_be_written_is_told_of_at_the_start(looking: bool) -> None:
+    """Not at the first change in flight; who only looks needs no place to write."""
+    unwritable = Path("/proc/none/vehicle.params")  # where nobody makes a folder
+    found = store(unwritable).restore(looking=looking)
+    assert found.values == BASE
+    if looking:
+        assert (found.notes, found.damaged) == ((), False)
+    else:
+        assert found.notes[-1].startswith(f"{unwritable}: cannot be written: No such file")
+        assert found.notes[-1].endswith("changed parameters are NOT stored")
+        assert found.damaged
+
+
+def test_to_look_whether_it_can_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "state" / "vehicle.params"
+    assert store(file).restore() == Restored(BASE, {}, (), False)
+    assert not (tmp_path / "new").exists()
+    file.parent.mkdir(parents=True)
+    assert store(file).refusal() == ""
+    assert [*file.parent.iterdir()] == []
 
 
 def test_only_what_differs_from_the_files_is_kept() -> None:

@@ -182,7 +182,9 @@ def show(airframe: AirframeOption, site: SiteOption, state: StateOption = None) 
             f" {preset.lean_deg:g} deg",
             highlight=False,
         )
-    console.print(f"stored in {found.store.path}", highlight=False, soft_wrap=True)
+    is_there = bool(found.kept) or found.store.path.exists()
+    words = "stored in" if is_there else "nothing is stored in"
+    console.print(f"{words} {found.store.path}", highlight=False, soft_wrap=True)
 
 
 @params_app.command("diff")

@@ -274,8 +274,34 @@ class ParameterStore:
         """What was kept, from the file or else from its previous copy, or from those of the old
         name.
 
-        A damaged file is set aside, unless one is only `looking`.
+        A damaged file is set aside, and that nothing can be written is reported, unless one is
+        only `looking`.
         """
+        found = self._restored(looking=looking)
+        refusal = "" if looking else self.refusal()
+        if refusal:
+            found = found._replace(notes=(*found.notes, refusal), damaged=True)
+        return found
+
+    def refusal(self) -> str:
+        """Why nothing can be kept where it is to be, in words; "" if it can.  It leaves neither
+        file nor folder behind."""
+        folder, probe = self.path.parent, _beside(self.path, ".new")
+        missing = [each for each in (folder, *folder.parents) if not each.exists()]
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            probe.open("ab").close()
+            probe.unlink()
+        except OSError as error:
+            reason = error.strerror or str(error)
+            return f"{self.path}: cannot be written: {reason}: changed parameters are NOT stored"
+        finally:
+            for each in missing:  # the innermost first
+                with suppress(OSError):
+                    each.rmdir()
+        return ""
+
+    def _restored(self, *, looking: bool) -> Restored:
         self._others = [path for path in _both(self.path) if self._is_ours(path) is False]
         found = self._restored_from(self.path, sets_aside=not looking)
         if found is None and self._old is not None:
