@@ -22,7 +22,14 @@ from typer.testing import CliRunner
 from tgl_soar.cli import init, service_unit
 from tgl_soar.cli.app import app
 from tgl_soar.cli.log_layouts import foxglove, plotjuggler
-from tgl_soar.config.files import load_airframe, load_parameters, load_site, manual, shipped_names
+from tgl_soar.config.files import (
+    load_airframe,
+    load_parameters,
+    load_site,
+    manual,
+    shipped,
+    shipped_names,
+)
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
 from tgl_soar.link.open_link import check_link
 from tgl_soar.link.transports.base import LinkError
@@ -277,6 +284,29 @@ def test_what_is_not_known_is_refused(
 ) -> None:
     assert reported in begun(tmp_path / "new", *options, code=2)
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(("firmware", "flown"), [("", "px4"), ("ardupilot", "ardupilot")])
+def test_an_airframe_of_ones_own_is_taken(tmp_path: Path, firmware: str, flown: str) -> None:
+    """Its firmware too, unless another one is named; and nobody calls it a copy of another."""
+    text = shipped("airframes/eclipson_c.toml").read_text().replace('"Eclipson Model C"', '"own"')
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace('firmware = "bridge"', 'firmware = "px4"'))
+    options = ["--firmware", firmware] if firmware else []
+    begun(tmp_path / "new", "--airframe", str(own), *options)
+    plane = load_airframe(tmp_path / "new" / "airframe.toml")
+    assert (plane.airframe.name, plane.autopilot.firmware) == ("own", flown)
+    assert "a copy of `own.toml`" in (tmp_path / "new" / "README.md").read_text()
+    assert not (tmp_path / "new" / "airframe.toml").read_text().startswith("# A copy")
+
+
+def test_where_nothing_can_be_written_the_folder_is_named(tmp_path: Path) -> None:
+    assert "error: /proc/none: cannot be written: " in begun(Path("/proc/none"), code=2)
+    own = tmp_path / "own.toml"
+    own.write_text("[airframe]\n")
+    assert f"{own}: airframe.name: missing" in begun(
+        tmp_path / "new", "--airframe", str(own), code=2
+    )
 
 
 def test_a_file_in_the_place_of_the_folder_is_reported(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tgl_soar.analysis import margins as found
 from tgl_soar.cli.app import app
 from tgl_soar.cli.console import console
 from tgl_soar.config.files import shipped
@@ -44,6 +45,27 @@ def test_a_figure_shows_them(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     text = out.read_text(encoding="utf-8")
     assert text.count('id="axes_') == 2  # with accelerometers, and without
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("folder", "name a file that ends in .png or .svg"),
+        ("figure", "name a file that ends in .png or .svg"),
+        ("folder.svg", "name a file that ends in .png or .svg"),
+        ("file/x.png", "cannot be written: "),
+    ],
+)
+def test_a_figure_that_cannot_be_written_is_refused_before_anything_is_computed(
+    name: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(found, "case_margins", lambda *_: pytest.fail("computed"))
+    for folder in ("folder", "folder.svg"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "file").write_text("")
+    result = CliRunner().invoke(app, ["margins", *FEW, "--out", str(tmp_path / name)])
+    assert result.exit_code == 2
+    assert f"--out {tmp_path / name}: {words}" in " ".join(result.output.split())
 
 
 def test_without_matplotlib_the_extra_is_named(

@@ -58,6 +58,17 @@ def test_show_tells_where_each_value_is_from(command: Command, tmp_path: Path) -
     assert rows["TGL_CAPTURE"][-1] == "default"
 
 
+@pytest.mark.parametrize("text", ["", "# nothing\n", "SYSID_THISMAV 1\n", "OP_ENGAGE 1\n"])
+def test_a_file_without_any_of_our_parameters_is_refused(
+    command: Command, tmp_path: Path, text: str
+) -> None:
+    (tmp_path / "none.parm").write_text(text)
+    said = command("import", "none.parm", code=2)
+    assert "none.parm: no parameter of this module in it" in said
+    assert "passed over" in said or "1" not in text
+    assert not (tmp_path / "state").exists()
+
+
 def test_where_nothing_is_stored_it_says_so(command: Command, tmp_path: Path) -> None:
     assert "\nnothing is stored in state/" in command("show")
     (tmp_path / "mine.parm").write_text("RHO_D 0.34\n")

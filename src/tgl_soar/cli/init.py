@@ -18,7 +18,13 @@ from tgl_soar.cli.console import console, errors, fail
 from tgl_soar.cli.log_layouts import foxglove, plotjuggler
 from tgl_soar.cli.service_unit import hidden, unit
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import ConfigError, load_airframe, shipped, shipped_names
+from tgl_soar.config.files import (
+    ConfigError,
+    airframe_file,
+    load_airframe,
+    shipped,
+    shipped_names,
+)
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
 from tgl_soar.link.open_link import check_link
 from tgl_soar.link.transports.base import LinkError
@@ -33,12 +39,15 @@ def init(
         str, typer.Option("--from", metavar="NAME", help="Site to start from: tunnel, hill, …")
     ] = "tunnel",
     airframe: Annotated[
-        str, typer.Option(metavar="NAME", help="Airframe to start from.")
+        str, typer.Option(metavar="FILE", help="Airframe to start from: a name, or a file.")
     ] = "eclipson_c",
     firmware: Annotated[
-        str,
-        typer.Option(metavar="NAME", help=f"Firmware of the autopilot: {', '.join(_FIRMWARES)}."),
-    ] = "bridge",
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"Firmware of the autopilot: {', '.join(_FIRMWARES)}. Default: the airframe's.",
+        ),
+    ] = None,
     link: Annotated[str, typer.Option(help="Link to the autopilot, as for `tgl-soar run`.")] = LINK,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
@@ -51,8 +60,10 @@ def init(
         ("--airframe", airframe, shipped_names("airframes")),
         ("--firmware", firmware, _FIRMWARES),
     ):
-        if name not in known:
-            fail(f"{option} {name}: not known; must be one of {', '.join(known)}")
+        if name is None or name in known or (option == "--airframe" and Path(name).is_file()):
+            continue
+        file = ", or a file" if option == "--airframe" else ""
+        fail(f"{option} {name}: not known; must be one of {', '.join(known)}{file}")
     folder = Path(os.path.abspath(folder))  # noqa: PTH100 - a link is not followed
     try:
         check_link(link)
@@ -60,7 +71,7 @@ def init(
     except (LinkError, ConfigError, FileExistsError) as error:
         fail(error)
     except OSError as error:
-        fail(f"{error.filename or folder}: cannot be written: {error.strerror}")
+        fail(f"{folder}: cannot be written: {error.strerror}")
     for path in written:
         console.print(str(path), highlight=False, markup=False, soft_wrap=True)
     for path in hidden([folder, Path(sys.prefix), Path(sys.base_prefix)]):
@@ -77,9 +88,15 @@ def init(
     )
 
 
-def contents(folder: Path, start: str, airframe: str, firmware: str, link: str) -> dict[str, str]:
+def contents(
+    folder: Path, start: str, airframe: str, firmware: str | None, link: str
+) -> dict[str, str]:
     """The text of every file by its name.  Errors: `ConfigError`."""
-    plane_file, site_file = shipped(f"airframes/{airframe}.toml"), shipped(f"sites/{start}.toml")
+    plane_file, site_file = airframe_file(airframe), shipped(f"sites/{start}.toml")
+    plane = load_airframe(plane_file)
+    text = plane_file.read_text(encoding="utf-8")
+    if plane_file == shipped(f"airframes/{airframe}.toml"):
+        text, firmware = _COPY + text, firmware or plane.autopilot.firmware
     program = program_of(Path(sys.executable))
     command = [
         *program, "run", "--state", "/var/lib/tgl_soar",
@@ -93,10 +110,10 @@ def contents(folder: Path, start: str, airframe: str, firmware: str, link: str) 
         "link": shlex.quote(link),
     }
     return {
-        "airframe.toml": _with_firmware(_COPY + plane_file.read_text(encoding="utf-8"), firmware),
+        "airframe.toml": text if firmware is None else _with_firmware(text, firmware),
         "site.toml": _site(site_file.read_text(encoding="utf-8")),
         "tgl-soar.service": unit(command, [folder, Path(sys.prefix), Path(sys.base_prefix)]),
-        "qgc_actions.json": qgc_actions(load_airframe(plane_file)),
+        "qgc_actions.json": qgc_actions(plane),
         "plotjuggler.xml": plotjuggler(),
         "foxglove.json": foxglove(),
         "README.md": Template(_template("README.md")).substitute(words),

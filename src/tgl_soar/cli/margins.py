@@ -56,6 +56,8 @@ def margins(
     from tgl_soar.analysis import margins as found
     from tgl_soar.analysis.linear_plant import Gusts
 
+    if out is not None:
+        _check_figure(out)
     try:
         plane, _, values = load_flight(airframe, site)
         check_simulated(airframe, plane)
@@ -99,6 +101,16 @@ def margins(
         say(f"figure in {out}")
     if least.alpha < floor:
         fail(f"a margin below {floor:g}: measure the airframe, or make the link faster", 1)
+
+
+def _check_figure(out: Path) -> None:
+    """Before anything is computed, whether a figure can be written there."""
+    if out.suffix.lower() not in (".png", ".svg") or out.is_dir():
+        fail(f"--out {out}: name a file that ends in .png or .svg")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        fail(f"--out {out}: cannot be written: {error.strerror}")
 
 
 def _table(rows: list[CaseMargins], floor: float) -> Table:

@@ -286,6 +286,9 @@ def import_(
         fail(error)
     except ParameterError as error:
         fail(f"{file}: {error}")
+    if not read.values:
+        _tell(read.notes)
+        fail(f"{file}: no parameter of this module in it; `tgl-soar params` lists them all")
     fault = found.bounds.fault(values)
     if fault and not force and not found.bounds.fault(found.values):
         fail(f"{file}: {fault}; change it, or take it all the same with --force")

@@ -29,8 +29,8 @@ FOUND_ON: Final = "Eclipson Model C"  # the aircraft of the shipped gains
 
 
 def with_own_gains(values: ParameterSet, autopilot: AutopilotLink) -> ParameterSet:
-    """With gains of pitch, where no file has any of its own: sought for this very airframe in a
-    second or two, or else the shipped ones, which the schedule carries there.
+    """With gains of pitch, where no file has any of its own: sought for this very airframe, in
+    some seconds, or else the shipped ones, which the schedule carries there.
 
     A firmware's own loops are too slow for gains that are sought for ours.
     """
