@@ -493,6 +493,7 @@ class Store:
     """What is kept of parameters."""
 
     path = Path("vehicle.params")
+    refused = ""
 
     def __init__(self, done: list[Any], **found: Any) -> None:
         self.found = {"values": None, "kept": {}, "notes": (), "damaged": False} | found
@@ -500,6 +501,9 @@ class Store:
 
     def restore(self) -> Any:
         return SimpleNamespace(**self.found)
+
+    def refusal(self) -> str:
+        return self.refused
 
     def start(self) -> None:
         self._done.append("store started")
@@ -527,8 +531,10 @@ def test_stored_parameters_are_flown_with_and_said(
     assert "parameters changed over the air are stored in vehicle.params" in flown.words
     assert "stored 0.07" in flown.words
     assert flown.given["module"][3].store is store
-    store.found["kept"] = {}
+    store.found["kept"], store.refused = {}, "it cannot be written"
+    flown.words.clear()
     flown.run(state=Path("somewhere"))
+    assert not any("are stored in" in text for text in flown.words)
     assert not any("stored parameters" in text for _, text in flown.first_words)
 
 

@@ -102,8 +102,8 @@ def run(options: RunOptions) -> int:
     except ConfigError as error:
         print(error, file=sys.stderr)
         return EXIT_CANNOT_START
-    if site.contour is not None and not setup.contour:
-        say(f"no line is checked: the site's contour is of {site.contour.airframe!r}")
+    if unchecked := site.contour_words(airframe.airframe.name):
+        say(unchecked)
     say(f"code: {native.words()}")
     if whose := gains_words(airframe, site, parameters):
         say(whose)
@@ -334,7 +334,8 @@ def _fly(
         say(warning)
     with _lowered_priority(options):
         if opened.store is not None:
-            say(f"parameters changed over the air are stored in {opened.store.path}")
+            if not opened.store.refusal():  # it was told where they were restored
+                say(f"parameters changed over the air are stored in {opened.store.path}")
             opened.store.start()
         if recorder is not None:
             recorder.start()
