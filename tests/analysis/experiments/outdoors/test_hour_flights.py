@@ -360,7 +360,7 @@ def test_95_of_100_that_break_off_must_touch_down_well(home: int, landed: int, h
     ]
     assert hour._claims(hours)[2].holds is holds
     empty = beating._claims([])
-    assert [claim.measured for claim in empty[2:]] == ["none flown", "none flown", "none broke off"]
+    assert [claim.measured for claim in empty[2:]] == ["none flown", "none beat", "none broke off"]
     assert hour._claims([replace(hours[0], left_m=nan)])[2].measured == "none broke off"
 
 

@@ -258,7 +258,6 @@ def identification(context: Context) -> Result:
         ("elevator's effect", effect, EFFECT_WITHIN, held[1], 100.0, "%"),
         ("servo's delay", delay, DELAY_WITHIN_S, held[2], 1e3, "ms"),
     )
-    figures = () if context.figures is None else _draw(context, GlideJob(seeds[0]))
     return Result(
         name="identification",
         title="a gliding test flight's log, and the model that flew it",
@@ -314,7 +313,7 @@ def identification(context: Context) -> Result:
             "band_holds": held,
             "explained": [f.explained for f in flights],
         },
-        figures=figures,
+        figures=() if context.figures is None else _draw(context, GlideJob(seeds[0])),
         seeds=seeds if context.quick else (seeds[0], seeds[-1]),
         changed=CHANGED,
     )
