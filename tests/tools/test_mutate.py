@@ -230,7 +230,7 @@ def test_that_fails():
 
 def test_a_file_of_long_tests_leaves_time_to_the_others(tmp_path: Path) -> None:
     (tmp_path / "src").mkdir()
-    (tmp_path / "test_long.py").write_text("""\
+    (tmp_path / "test_that_takes_long.py").write_text("""\
 import time
 
 def test_long():
@@ -241,26 +241,31 @@ def test_long():
 def test_of_this_file_too():
     pass
 """)
-    (tmp_path / "test_short.py").write_text("def test_that_fails(): assert False\n")
-    tests = [Tried("test_long.py"), Tried("test_short.py")]
+    (tmp_path / "test_that_takes_none.py").write_text("def test_that_fails(): assert False\n")
+    tests = [Tried("test_that_takes_long.py"), Tried("test_that_takes_none.py")]
     noticed = []
-    for slow in ({}, {"test_long.py::test_long": 2.0}):
+    for slow in ({}, {"test_that_takes_long.py::test_long": 2.0}):
         child = started(tmp_path, tests, budget_s=1.5, slow=slow)
         os.waitpid(child, 0)
         noticed.append(finished(child, tmp_path).by)
-    assert noticed == ["", "test_short.py::test_that_fails"]
+    assert noticed == ["", "test_that_takes_none.py::test_that_fails"]
 
 
 def test_what_takes_long_is_tried_before_the_time_is_over(tmp_path: Path) -> None:
     (tmp_path / "src").mkdir()
     body = "def test_{0}():\n    until = time.process_time() + 0.4\n"
     body += "    while time.process_time() < until:\n        pass\n    {1}\n\n"
-    (tmp_path / "test_long.py").write_text("import time\n\n" + body.format("long", "assert False"))
-    (tmp_path / "test_many.py").write_text(
+    (tmp_path / "test_that_takes_long.py").write_text(
+        "import time\n\n" + body.format("long", "assert False")
+    )
+    (tmp_path / "test_twenty_tries.py").write_text(
         "import time\n\n" + "".join(body.format(n, "pass") for n in range(20))
     )
-    tests = [Tried("test_many.py"), Tried("test_long.py")]
-    for slow, by in (({}, ""), ({"test_long.py::test_long": 0.4}, "test_long.py::test_long")):
+    tests = [Tried("test_twenty_tries.py"), Tried("test_that_takes_long.py")]
+    for slow, by in (
+        ({}, ""),
+        ({"test_that_takes_long.py::test_long": 0.4}, "test_that_takes_long.py::test_long"),
+    ):
         child = started(tmp_path, tests, budget_s=4.0, slow=slow)
         os.waitpid(child, 0)
         assert finished(child, tmp_path).by == by

@@ -55,6 +55,15 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
+# Of the notices, all that are ever shown from now on.
+NOTES = """() => {
+  window.noted = [];
+  const place = document.querySelector("#notices");
+  const note = () => window.noted.push(place.innerText);
+  new MutationObserver(note).observe(place, {childList: true, subtree: true, characterData: true});
+}"""
+
+
 class Window(PageWindow):
     """One that is kept to its errors."""
 
@@ -163,8 +172,9 @@ def test_refusals_keys_abort_and_a_reload_while_dragging(
     window.until(lambda: window.value("m.holder === 0"))
     assert flying.flown.value("TGL_X") == pytest.approx(0.21)
 
+    window.page.evaluate(NOTES)  # a notice goes away again, before it is looked for perhaps
     window.page.click("#abort")
-    window.shows("#notices", "abort: done")  # which goes away again: so it is looked for first
+    window.until(lambda: "abort: done" in window.value("noted.join()"))
     flying.until(lambda flown: flown.value("OP_ENGAGE") == 0.0)
     window.shows("#check-list", "missing: not held back")
     window.close()
