@@ -153,7 +153,7 @@ def _judge(
         return watch.failed
     long = [test for test in sound if watch.has_slow(test.file)]
     _run(watch, long, began_s + budget_s, is_slow_turn=True)
-    if not watch.failed:
+    if not watch.failed and not watch.is_over:
         _run(watch, sound[halfway:], began_s + budget_s, is_slow_turn=False)
     return watch.failed
 

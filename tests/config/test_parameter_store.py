@@ -64,8 +64,10 @@ def saved(path: Path, *changes: dict[str, float]) -> None:
 def test_a_place_that_cannot_be_written_is_told_of_at_the_start(looking: bool) -> None:
     """Not at the first change in flight; who only looks needs no place to write."""
     unwritable = Path("/proc/none/vehicle.params")  # where nobody makes a folder
-    found = store(unwritable).restore(looking=looking)
+    kept = store(unwritable)
+    found = kept.restore(looking=looking)
     assert found.values == BASE
+    assert (kept.refused == "") is looking
     if looking:
         assert (found.notes, found.damaged) == ((), False)
     else:

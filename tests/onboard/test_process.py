@@ -502,9 +502,6 @@ class Store:
     def restore(self) -> Any:
         return SimpleNamespace(**self.found)
 
-    def refusal(self) -> str:
-        return self.refused
-
     def start(self) -> None:
         self._done.append("store started")
 

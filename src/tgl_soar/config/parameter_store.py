@@ -247,6 +247,7 @@ class ParameterStore:
         self.path = path
         self._old = old
         self.writes = 0
+        self.refused = ""  # why nothing can be written there, as `restore` has found
         self._identity = identity
         self._base = base
         self._presets = presets
@@ -278,9 +279,9 @@ class ParameterStore:
         only `looking`.
         """
         found = self._restored(looking=looking)
-        refusal = "" if looking else self.refusal()
-        if refusal:
-            found = found._replace(notes=(*found.notes, refusal), damaged=True)
+        self.refused = "" if looking else self.refusal()
+        if self.refused:
+            found = found._replace(notes=(*found.notes, self.refused), damaged=True)
         return found
 
     def refusal(self) -> str:

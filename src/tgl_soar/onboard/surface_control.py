@@ -85,12 +85,13 @@ class SurfaceControl:
         """
         change, status = self.mode_change, session.status
         obeys, received_s = status.accepts_surfaces, status.time_s
-        mode = self._flavour.route.mode
-        back = f"back in {mode} after the autopilot's failsafe: asking it to leave"
-        if change.is_unseen:
-            back = f"still in {mode}: asking the autopilot to leave"
+        unseen = change.is_unseen  # `comes_back` forgets it
         if change.comes_back(received_s, obeys, session.custom_mode, status.failsafe):
-            self._outbox.tell(SEVERITY_WARNING, back)
+            mode = self._flavour.route.mode
+            text = f"back in {mode} after the autopilot's failsafe: asking it to leave"
+            if unseen:
+                text = f"still in {mode}: asking the autopilot to leave"
+            self._outbox.tell(SEVERITY_WARNING, text)
             change.leave(time_s, float("-inf"))  # right after this heartbeat
         if not engage and change.is_entering:
             change.leave(time_s, received_s)  # it may have been asked for already
