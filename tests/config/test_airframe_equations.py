@@ -278,11 +278,9 @@ def test_what_a_model_does_not_name_of_the_cross_derivatives_is_nothing() -> Non
 
 
 @pytest.mark.parametrize(("key", "value"), [
-    ("Cl_aileron", 0.0), ("Cl_aileron", -0.1), ("Cl_p", 0.0), ("Cl_p", 0.1), ("Cn_rudder", 0.0),
-    ("Cn_rudder", -0.1), ("servo_lag_radps", 0.0), ("servo_lag_radps", -1.0),
-    ("servo_delay_s", -0.01),
+    ("servo_lag_radps", 0.0), ("servo_lag_radps", -1.0), ("servo_delay_s", -0.01),
 ])  # fmt: skip
-def test_a_model_of_no_aircraft_has_no_gains(key: str, value: float) -> None:
+def test_servos_that_cannot_be_have_no_gains(key: str, value: float) -> None:
     assert lateral_dynamics(airframe({**LATERAL, key: value})) == UNKNOWN
     assert lateral_gains(airframe({**LATERAL, key: value})) == {}
     assert lateral_gains(airframe({**LATERAL, "servo_delay_s": 0.0}))

@@ -362,8 +362,9 @@ def test_pulses_grow_from_end_to_end(ends: tuple[int, int, int], good: bool) -> 
             made(of_airframe.Surface, table)
 
 
-@pytest.mark.parametrize("key", ["gravity_mps2", "air_density_kgpm3", "CL_alpha", "CD0",
-                                 "stall_alpha_rad", "stall_width_rad"])  # fmt: skip
+@pytest.mark.parametrize("key", ["gravity_mps2", "air_density_kgpm3", "CD0", "Cl_aileron",
+                                 "Cm_elevator", "Cn_rudder", "stall_alpha_rad",
+                                 "stall_width_rad"])  # fmt: skip
 @pytest.mark.parametrize(("value", "good"), [(1e-3, True), (0.0, False), (-1.0, False)])
 def test_what_of_the_model_is_divided_by_is_above_zero(key: str, value: float, good: bool) -> None:
     if good:
@@ -373,7 +374,7 @@ def test_what_of_the_model_is_divided_by_is_above_zero(key: str, value: float, g
             airframe(model={key: value})
 
 
-@pytest.mark.parametrize("key", ["stall_alpha_negative_rad", "Cm_alpha", "Cm_q"])
+@pytest.mark.parametrize("key", ["stall_alpha_negative_rad", "Cm_alpha", "Cm_q", "Cl_p", "Cn_r"])
 @pytest.mark.parametrize(("value", "good"), [(-1e-3, True), (0.0, False), (0.56, False)])
 def test_what_turns_an_aircraft_over_is_below_zero(key: str, value: float, good: bool) -> None:
     if good:
@@ -381,6 +382,20 @@ def test_what_turns_an_aircraft_over_is_below_zero(key: str, value: float, good:
     else:
         with pytest.raises(msgspec.ValidationError, match=rf"model\.{key} = {value:g}: .*below 0"):
             airframe(model={key: value})
+
+
+@pytest.mark.parametrize("slope", [0.5, 0.8, 5.5, 8.0])
+def test_lift_s_slope_is_per_radian(slope: float) -> None:
+    assert airframe(model={"CL_alpha": slope}).model == {"CL_alpha": slope}
+
+
+@pytest.mark.parametrize("slope", [-4.6, 0.0, 0.08, 0.11, 0.499, 8.01, 260.0])
+def test_another_slope_of_lift_is_refused(slope: float) -> None:
+    with pytest.raises(
+        msgspec.ValidationError,
+        match=rf"model\.CL_alpha = {slope:g}: must be from 0\.5 to 8 \(per radian\)",
+    ):
+        airframe(model={"CL_alpha": slope})
 
 
 @pytest.mark.parametrize("key", ["stall_alpha_rad", "stall_width_rad"])

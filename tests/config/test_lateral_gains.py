@@ -65,9 +65,6 @@ def test_a_file_without_a_model_has_the_defaults(missing: str) -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        *(("Cl_p", value) for value in (0.0, 0.5)),  # of a wing that does not damp its roll
-        *(("Cl_aileron", value) for value in (0.0, -0.1)),
-        *(("Cn_rudder", value) for value in (0.0, -0.1)),
         *(("servo_lag_radps", value) for value in (0.0, -1.0)),
         ("servo_delay_s", -0.001),
     ],

@@ -151,7 +151,7 @@ def test_the_keys_of_the_model_are_those_that_are_known() -> None:
     assert [key for key in told if told[key] == "below 0"] == [*airframe._NEGATIVE]
     stall = f"above 0, up to {number(airframe.STALL_MAX_RAD)}"
     assert [key for key in told if told[key] == stall] == [*airframe._BELOW_STALL_MAX]
-    for key, low, high in airframe._PROPELLER_RANGES:
+    for key, low, high in (("CL_alpha", *airframe._LIFT_SLOPE), *airframe._PROPELLER_RANGES):
         assert told[key] == f"{number(low)} … {number(high)}"
 
 

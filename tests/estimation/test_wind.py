@@ -466,7 +466,7 @@ def test_a_wing_that_lifts_downward_is_refused(tmp_path: Any) -> None:
     text = shipped("airframes/eclipson_c.toml").read_text(encoding="utf-8")
     path = tmp_path / "bad.toml"
     path.write_text(text.replace("CL_alpha = 4.6", "CL_alpha = -4.6"), encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"model.CL_alpha = -4.6: must be above 0"):
+    with pytest.raises(ConfigError, match=r"model.CL_alpha = -4.6: must be from 0\.5 to 8"):
         load_airframe(path)
 
 

@@ -291,7 +291,11 @@ def _check_size(bench: AirframeMetadata) -> None:
 
 
 def _check_signs(model: dict[str, float]) -> None:
-    """Errors: ValueError for a stall that no wing has, and for a tail that turns it over."""
+    """Errors: ValueError for lift or a stall that no wing has, and for what would turn it over."""
+    low, high = _LIFT_SLOPE
+    if not low <= model.get("CL_alpha", low) <= high:
+        slope = f"model.CL_alpha = {model['CL_alpha']:g}"
+        raise ValueError(f"{slope}: must be from {low:g} to {high:g} (per radian)")
     for key in _BELOW_STALL_MAX:
         if not model.get(key, 0.0) <= STALL_MAX_RAD:
             allowed = f"above 0, up to {STALL_MAX_RAD:g} (radians)"
@@ -319,7 +323,10 @@ _OF_SPAN_TIMES_CHORD: Final = (0.4, 2.0)
 _GYRATION_OF_SPAN: Final = (0.02, 1.0)
 STALL_MAX_RAD: Final = 0.8  # 46 degrees
 _BELOW_STALL_MAX: Final = ("stall_alpha_rad", "stall_width_rad")
-_NEGATIVE: Final = ("stall_alpha_negative_rad", "Cm_alpha", "Cm_q")
+_NEGATIVE: Final = ("stall_alpha_negative_rad", "Cl_p", "Cm_alpha", "Cm_q", "Cn_r")
+# A wing of aspect ratio 1 has some 1.5, a thin aerofoil 6.28, a thick one somewhat more; by degrees
+# it would be 0.11 at most.
+_LIFT_SLOPE: Final = (0.5, 8.0)
 _ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
 OF_THE_BRAKE: Final = ("CL_brake", "CD_brake", "Cm_brake")  # 0 where [model] has none
 # Without one there are none of them; a lag that is not given is none.
@@ -354,8 +361,10 @@ SIMULATED_KEYS: Final = tuple(
 _POSITIVE: Final = (
     "gravity_mps2",
     "air_density_kgpm3",
-    "CL_alpha",
     "stall_alpha_rad",
     "stall_width_rad",
     "CD0",
+    "Cl_aileron",
+    "Cm_elevator",
+    "Cn_rudder",
 )

@@ -56,8 +56,6 @@ def lateral_dynamics(airframe: Airframe) -> LateralDynamics:
     model, bench = airframe.model, airframe.airframe
     if not all(name in model for name in _NEEDED):
         return UNKNOWN
-    if not (model["Cl_aileron"] > 0.0 > model["Cl_p"] and model["Cn_rudder"] > 0.0):
-        return UNKNOWN
     if not (model["servo_lag_radps"] > 0.0 and model["servo_delay_s"] >= 0.0):
         return UNKNOWN
     speed = SPEED_FACTOR * airframe.polar.speed_min_mps
