@@ -66,6 +66,11 @@ def _radio(words: str, fault: str, *settings: str) -> Trial:
     return Trial(f"radio: {words}", settings or GOOD, fault)
 
 
+def _link(seconds: float) -> Trial:
+    fault = f"link.down for={seconds:g}; link.up for={seconds:g}"
+    return Trial(f"link to the module: silent for {seconds:g} s", GOOD, fault)
+
+
 def _gps(words: str, *settings: str) -> Trial:
     return Trial(f"estimator: {words}", (*GOOD, *settings), watched_s=60.0)
 
@@ -91,6 +96,7 @@ ARDUPILOT: Final = (
            "THR_FAILSAFE=2", *GOOD[1:]),
     _radio("no pulses for good, THR_FAILSAFE 0", "transmitter.silent for=999",
            "THR_FAILSAFE=0", *GOOD[1:]),
+    *(_link(seconds) for seconds in (1.5, 4.0, 8.0)),
     Trial("station: silent for good, FS_GCS_ENABL 1", (*GOOD, "FS_GCS_ENABL=1"),
           "station.silent for=999", station=True),
     Trial("station: silent for good, FS_GCS_ENABL 1, FS_LONG_ACTN 0",

@@ -12,7 +12,7 @@ message's definition.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 from tgl_soar.config.airframe import Surface, Surfaces, Throttle
 from tgl_soar.link.autopilots.aileron_brake_mixing import mixed, unmixed
@@ -21,6 +21,11 @@ from tgl_soar.types import SurfaceCommand
 CHANNELS: Final = 18
 LEAVE: Final = 65535
 _RELEASE_HIGH: Final = 65534  # on channels 9-18, where 0 leaves
+
+
+def override_values(message: Any) -> list[int]:
+    """What a RC_CHANNELS_OVERRIDE has for each of the 18 channels."""
+    return [getattr(message, f"chan{i}_raw") for i in range(1, CHANNELS + 1)]
 
 
 class Overrides:

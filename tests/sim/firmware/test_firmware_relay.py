@@ -86,8 +86,8 @@ def from_module(*messages: Any, component: int = 191) -> bytes:
     return b"".join(bytes(message.pack(codec)) for message in messages)
 
 
-def override() -> Any:
-    return mavlink.MAVLink_rc_channels_override_message(SYSTEM, 1, *[1500] * 8)
+def override(*pulses: int) -> Any:
+    return mavlink.MAVLink_rc_channels_override_message(SYSTEM, 1, *(pulses or [1500] * 8))
 
 
 # --- a link ---------------------------------------------------------------------------------------
@@ -247,6 +247,29 @@ def test_a_ground_stations_sticks_command_no_surface(firmware: Firmware) -> None
     assert firmware.relay.commands == {}
     assert not firmware.relay.is_commanded
     assert len(firmware.heard(firmware.ground)) == 1
+
+
+LEFT = 65535
+
+
+@pytest.mark.parametrize(
+    ("pulses", "commands"),
+    [
+        ((0, 0, LEFT, 0, LEFT, LEFT, LEFT, LEFT), False),  # as the module lets go
+        ((LEFT,) * 8, False),
+        ((0, 0, LEFT, 1500, LEFT, LEFT, LEFT, LEFT), True),
+        ((LEFT,) * 8 + (0, LEFT, 65534), False),  # beyond the eighth 0 leaves and 65534 releases
+        ((LEFT,) * 8 + (1100,), True),
+    ],
+)
+def test_who_gives_all_channels_back_commands_none(
+    firmware: Firmware, pulses: tuple[int, ...], commands: bool
+) -> None:
+    relay = firmware.relay
+    relay.receive(COMPANION, from_module(override(*pulses)))
+    assert relay.is_commanded is commands
+    assert relay.commands == ({"RC_CHANNELS_OVERRIDE": 1} if commands else {})
+    assert len(firmware.heard(firmware.companion)) == 1  # it is passed on all the same
 
 
 def test_it_is_commanded_for_a_tenth_of_a_second(firmware: Firmware) -> None:

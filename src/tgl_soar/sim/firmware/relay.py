@@ -23,6 +23,7 @@ from typing import Any, BinaryIO, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.sim.channels import Overrides, override_values
 from tgl_soar.sim.firmware.mission import MissionUpload
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.routing import LinkId, RoutedFrame, split_frames
@@ -42,6 +43,15 @@ COMMANDS: Final = frozenset(
 HEARTBEAT: Final = mavlink.MAVLink_heartbeat_message(
     mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
 )
+
+
+def gives_back(message: Any) -> bool:
+    """Whether it only returns channels to the pilot's sticks, as a module does that has let go."""
+    if message.get_type() != "RC_CHANNELS_OVERRIDE":
+        return False
+    given = Overrides()
+    given.take(override_values(message), 0)
+    return not given.any
 
 
 class FirmwareLink:
@@ -207,7 +217,7 @@ class Relay:
             return False
         if kind == "HEARTBEAT":
             self._heartbeats[link] += 1
-        elif kind in COMMANDS and not ground:
+        elif kind in COMMANDS and not ground and not gives_back(message):
             self.commands[kind] = self.commands.get(kind, 0) + 1
             self.last_command, self.commanded_step = kind, self._step
         return self.takes_stations or not ground

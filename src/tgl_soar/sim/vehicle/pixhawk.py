@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Surfaces
 from tgl_soar.config.site import HomePosition
-from tgl_soar.sim.channels import CHANNELS, NEUTRAL
+from tgl_soar.sim.channels import NEUTRAL, override_values
 from tgl_soar.sim.routing import LinkId, RoutedFrame, split_frames
 from tgl_soar.sim.vehicle.commands import take_command
 from tgl_soar.sim.vehicle.external_pose import ExternalPose
@@ -328,10 +328,7 @@ class Pixhawk:
                 f"overrides from system {frame.system} are ignored: SYSID_MYGCS is {master}"
             )
             return
-        message = frame.message
-        self.outputs.overrides.take(
-            [getattr(message, f"chan{i}_raw") for i in range(1, CHANNELS + 1)], self.steps
-        )
+        self.outputs.overrides.take(override_values(frame.message), self.steps)
         self.counts.overrides_accepted += 1
 
     def _take_pose(self, _link: VehicleLink, frame: RoutedFrame) -> None:
