@@ -45,6 +45,7 @@ def test_a_figure_shows_them(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     text = out.read_text(encoding="utf-8")
     assert text.count('id="axes_') == 2  # with accelerometers, and without
+    assert f"figure in {out}" in "".join(result.output.split("\n"))
 
 
 @pytest.mark.parametrize(

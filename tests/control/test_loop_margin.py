@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
+from itertools import product
 from math import isnan, radians
 
 import pytest
@@ -137,6 +139,26 @@ def test_of_drawn_aircraft_hardly_one_is_refused() -> None:
         for lean in (5.0, 10.0, 15.0, 25.0, 35.0, 45.0):
             refused += margin_fault(values.changed({"TGL_LEAN": lean})) != ""
     assert refused <= 1  # of 240; about 1 in 200 aircraft at 5 and at 45 degrees
+
+
+def test_a_line_is_judged_where_it_is_soared() -> None:
+    """From 8.5 to 10.6 m/s, of 9.25 at best glide, with accelerometers and without."""
+    best_mps = shipped_values()["DYN_BEST"]
+    shown = [f"{fraction * best_mps:.1f} m/s" for fraction in (0.92, 1.0, 1.15)]
+    assert shown == ["8.5 m/s", "9.3 m/s", "10.6 m/s"]
+    found = loop_margin.line_margins(shipped_values())
+    places = [
+        re.findall(r"and (\S+ m/s), 7.5 ms late, (with(?:out)?) ", each.name) for each in found
+    ]
+    both = ("without", "with")
+    assert [place for (place,) in places] == [(speed, s) for s in both for speed in shown]
+    for each, (inertial, fraction) in zip(
+        found, product((False, True), (0.92, 1.0, 1.15)), strict=True
+    ):
+        laws = laws_from(shipped_values(), SITE.frame())
+        lean = shipped_values()["TGL_LEAN"]
+        loop = flown(laws, shipped_values(), fraction * best_mps, lean, inertial)
+        assert each.alpha == loop_margin.disk_margin(loop)
 
 
 def test_what_has_no_margin_is_refused_with_the_reason() -> None:

@@ -242,6 +242,13 @@ def test_a_dispersion_follows_its_formula_within_fifteen_per_cent(ratio: float, 
     assert dispersion_note({0.0: [summary()._replace(dispersion_formula_m=0.0)]}) == ""
 
 
+def test_the_largest_ratio_is_named_whatever_its_turbulence() -> None:
+    much = summary()._replace(dispersion_m=0.08, dispersion_formula_m=0.04)
+    less = summary()._replace(dispersion_m=0.05, dispersion_formula_m=0.04)
+    assert "Most of all at 1 % of" in dispersion_note({0.01: [much], 0.03: [less]})
+    assert "Most of all at 3 % of" in dispersion_note({0.01: [less], 0.03: [much]})
+
+
 def test_the_note_says_on_which_side_of_the_crossing_it_is() -> None:
     much = summary()._replace(dispersion_m=0.06, own_miss_m=-0.07)
     assert "the mean place 7 cm below the crossing" in dispersion_note({0.01: [much]})
