@@ -253,7 +253,16 @@ def test_bad_npz_is_refused(tmp_path: Path, arrays: dict[str, FloatArray], messa
         read_grid(tmp_path / "bad.npz")
 
 
-def _write_netcdf(path: Path, units: str = "m s-1", order: str = "zx", records: int = 1) -> Path:
+def _write_netcdf(
+    path: Path,
+    units: str = "m s-1",
+    order: str = "zx",
+    records: int = 1,
+    lengths: str = "m",
+    mps: float = 1.0,
+    metres: float = 1.0,
+) -> Path:
+    """mps, metres: what its units are."""
     from scipy.io import netcdf_file
 
     u, _, w = _nodes()
@@ -262,12 +271,12 @@ def _write_netcdf(path: Path, units: str = "m s-1", order: str = "zx", records: 
         for name, axis in (("x", X), ("z", Z)):
             file.createDimension(name, len(axis))
             variable = file.createVariable(name, "d", (name,))
-            variable[:] = axis
-            variable.units = "m"  # type: ignore[attr-defined]
+            variable[:] = axis / metres
+            variable.units = lengths  # type: ignore[attr-defined]
         for name, nodes in (("u", u), ("w", w)):
             variable = file.createVariable(name, "d", ("time", *order))
             for record in range(records):
-                variable[record] = nodes.T if order == "zx" else nodes
+                variable[record] = (nodes.T if order == "zx" else nodes) / mps
             variable.units = units  # type: ignore[attr-defined]
     return path
 
@@ -275,6 +284,31 @@ def _write_netcdf(path: Path, units: str = "m s-1", order: str = "zx", records: 
 @pytest.mark.parametrize("order", ["zx", "xz"])
 def test_classic_netcdf_in_either_order_of_dimensions(tmp_path: Path, order: str) -> None:
     _is_the_hill(read_grid(_write_netcdf(tmp_path / "hill.nc", order=order)))
+
+
+@pytest.mark.parametrize(
+    ("units", "mps"),
+    [("m/s", 1.0), ("m.s-1", 1.0), ("m s**-1", 1.0), ("m s^-1", 1.0), ("km/h", 1000.0 / 3600.0),
+     ("km h-1", 1000.0 / 3600.0), ("cm/s", 0.01), ("cm s-1", 0.01), ("mph", 1609.344 / 3600.0),
+     ("knots", 1852.0 / 3600.0), ("kt", 1852.0 / 3600.0)],
+)  # fmt: skip
+def test_every_unit_of_speed_has_its_scale(tmp_path: Path, units: str, mps: float) -> None:
+    path = _write_netcdf(tmp_path / "wind.nc", units=units, mps=mps)
+    _is_the_hill(read_grid(path, Layout(mps_per_speed=mps)))
+    for wrong in (1.01 * mps, 0.5 * mps, 2.0 * mps):
+        with pytest.raises(GridError, match="which needs mps_per_speed = "):
+            read_grid(path, Layout(mps_per_speed=wrong))
+
+
+@pytest.mark.parametrize(
+    ("units", "metres"),
+    [("m", 1.0), ("metres", 1.0), ("km", 1000.0), ("mm", 1e-3), ("cm", 0.01), ("ft", 0.3048)],
+)
+def test_every_unit_of_length_has_its_scale(tmp_path: Path, units: str, metres: float) -> None:
+    path = _write_netcdf(tmp_path / "wind.nc", lengths=units, metres=metres)
+    _is_the_hill(read_grid(path, Layout(metres_per_length=metres)))
+    with pytest.raises(GridError, match="which needs metres_per_length = "):
+        read_grid(path, Layout(metres_per_length=2.0 * metres))
 
 
 def test_netcdf_is_held_to_its_units_and_to_one_time(tmp_path: Path) -> None:
