@@ -30,7 +30,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import pytest
-from mutation_reach import HIDDEN, Lines, Reach, left_out, lines_of
+from mutation_reach import HIDDEN, Reach, left_out, lines_of
 from mutations import Mutation, changed
 from tests_reaching import Imports, names_at
 
@@ -310,9 +310,10 @@ class Workshop:
         order = self._imports.tests_of(mutant.path, names)
         if self._reach is None or not self._reach.knows(mutant.path):
             return [Tried(str(path)) for path in order]
-        return in_order(
-            self._reach, mutant.path, lines_of(source, mutant.change.line, names), order
-        )
+        lines = lines_of(source, mutant.change.line)
+        if not lines:  # of the module itself
+            return [Tried(str(path)) for path in order]
+        return in_order(self._reach, mutant.path, lines, order)
 
     def _end(self, child: int) -> Mutant | None:
         """Takes the verdict; the mutant, if it is to be tried again."""
@@ -345,27 +346,26 @@ class Workshop:
         return test in self._sound
 
 
-def in_order(reach: Reach, path: Path, lines: Lines, order: Sequence[Path]) -> list[Tried]:
-    """Tests that execute a line, by file: first the file that mirrors it, then by the time that
-    those of a file take, then files that are not recorded.  At last the other tests of these files,
-    as something may be computed once for several; where a line acts without being executed, of all
-    files.
+def in_order(reach: Reach, path: Path, lines: frozenset[int], order: Sequence[Path]) -> list[Tried]:
+    """Tests that execute lines of a function, by file: first the file that mirrors it, then by the
+    time that those of a file take, then files that are not recorded.  At last the other tests of
+    these files, as something may be computed once for several.
 
     order: all files of tests that reach the file by imports, the nearest first.
     """
     at = reach.tests_at(path, lines)
-    files = [str(each) for each in order]
-    unknown = [file for file in files if not reach.records(file)]
+    unknown = [file for file in map(str, order) if not reach.records(file)]
 
     def turn(file: str) -> tuple[bool, bool, float]:
         seconds = sum(at.get(file, {}).values())
         return Path(file).stem != f"test_{path.stem}", file not in at, seconds
 
-    first = sorted((*at, *unknown), key=turn)
-    others = sorted(at, key=turn) if lines.is_all else [f for f in files if reach.records(f)]
     return [
-        *(Tried(file, only=frozenset(at.get(file, ()))) for file in first),
-        *(Tried(file, but=frozenset(at.get(file, ()))) for file in others),
+        *(
+            Tried(file, only=frozenset(at.get(file, ())))
+            for file in sorted((*at, *unknown), key=turn)
+        ),
+        *(Tried(file, but=frozenset(at[file])) for file in sorted(at, key=turn)),
     ]
 
 

@@ -5,7 +5,8 @@
 processor time as the tests alone.  What it finds lies in `.cache/mutants/` and is never committed.
 A file of source or tests that has changed since is as good as never recorded: only the order in
 which tests are tried depends on it, and a line within a function of a recorded file that no test
-executed is left to the tests that are not recorded.
+executed is left to the tests that are not recorded.  Lines of a module itself, its constants and
+tables, are executed by all that imports it: a recording says nothing of them.
 
 This module is pytest's plugin for that run, too.
 """
@@ -17,10 +18,9 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import pytest
 
@@ -30,13 +30,6 @@ FOLDER: Final = Path(".cache", "mutants")
 _RECORDING: Final = "MUTATION_REACH"
 # xdist begins with what has the most cases unless told otherwise, as in the Makefile.
 _WORKERS: Final = ("--dist", "loadgroup", "--no-loadscope-reorder")
-
-
-class Lines(NamedTuple):
-    """What of a file has to be executed for a change of one of its lines to act."""
-
-    numbers: frozenset[int]
-    is_all: bool  # nothing else can tell: the line is part of a function
 
 
 class Reach:
@@ -64,12 +57,12 @@ class Reach:
         """Whether tests of a file were run, and are as they were."""
         return file in self._tests and self.knows(Path(file))
 
-    def tests_at(self, path: Path, lines: Lines) -> dict[str, dict[str, float]]:
+    def tests_at(self, path: Path, lines: frozenset[int]) -> dict[str, dict[str, float]]:
         """Files with the tests of theirs that execute any of these lines, and how long each takes
         [s]; all tests of a file where a line is executed by what several may share."""
         by_line = self._data.contexts_by_lineno(str(self._root / path))
         found: dict[str, dict[str, float]] = {}
-        for name in {name for line in lines.numbers for name in by_line.get(line, ())}:
+        for name in {name for line in lines for name in by_line.get(line, ())}:
             head, _, phase = name.rpartition("|")
             file = head.partition("::")[0]
             if self.records(file):
@@ -78,39 +71,23 @@ class Reach:
         return found
 
 
-def lines_of(source: str, line: int, names: Sequence[str]) -> Lines:
-    """Of a line in a function its statement; else what uses that which it defines.
-
-    names: as of `tests_reaching.names_at`.  Errors: SyntaxError where it cannot be parsed.
-    """
-    tree = ast.parse(source)
+def lines_of(source: str, line: int) -> frozenset[int]:
+    """What has to be executed for a change of a line to act: of a line in a function its statement,
+    of another nothing but the import.  Errors: SyntaxError where it cannot be parsed."""
     holding = [
         node
-        for node in ast.walk(tree)
+        for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or node.lineno)
     ]
-    functions = [node for node in holding if isinstance(node, _FUNCTIONS)]
-    if functions and all(line >= node.body[0].lineno for node in functions):
-        inner = max(holding, key=lambda node: (node.lineno, node.col_offset))
-        body: list[ast.stmt] = getattr(inner, "body", [])  # of an if, a loop: it is not the line's
-        last = body[0].lineno - 1 if body else inner.end_lineno or line
-        return Lines(frozenset(range(inner.lineno, max(last, line) + 1)), True)
-    users = [
-        each
-        for node in ast.walk(tree)
-        if isinstance(node, (*_FUNCTIONS, ast.ClassDef)) and node.name in names
-        for each in ([node] if isinstance(node, _FUNCTIONS) else node.body)
-        if isinstance(each, _FUNCTIONS)
+    functions = [
+        node for node in holding if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     ]
-    return Lines(frozenset(n for each in users for n in _executed(each)), False)
-
-
-_FUNCTIONS: Final = (ast.FunctionDef, ast.AsyncFunctionDef)
-
-
-def _executed(function: ast.FunctionDef | ast.AsyncFunctionDef) -> range:
-    """The lines of a function that are executed when it is called."""
-    return range(function.body[0].lineno, (function.end_lineno or function.lineno) + 1)
+    if not functions or any(line < node.body[0].lineno for node in functions):
+        return frozenset()
+    inner = max(holding, key=lambda node: (node.lineno, node.col_offset))
+    body: list[ast.stmt] = getattr(inner, "body", [])  # of an if, a loop: it is not the line's
+    last = body[0].lineno - 1 if body else inner.end_lineno or line
+    return frozenset(range(inner.lineno, max(last, line) + 1))
 
 
 def _digest(path: Path) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from mutant_trials import Tried, in_order
-from mutation_reach import FOLDER, Lines, Reach, lines_of, plain, record
+from mutation_reach import FOLDER, Reach, lines_of, plain, record
 
 SOURCE = """\
 MOST = 4.0
@@ -97,46 +97,34 @@ def reach(project: Path) -> Reach:
 
 def test_a_line_is_executed_by_the_tests_that_execute_it(reach: Reach) -> None:
     assert reach.knows(BOX)
-    doubled = reach.tests_at(BOX, Lines(frozenset((14, 15, 16)), True))
+    doubled = reach.tests_at(BOX, frozenset((14, 15, 16)))
     assert {file: set(tests) for file, tests in doubled.items()} == {OF_DOUBLED: DOUBLED}
-    wide = reach.tests_at(BOX, Lines(frozenset((9,)), True))
+    wide = reach.tests_at(BOX, frozenset((9,)))
     assert {file: set(tests) for file, tests in wide.items()} == {OF_BOX: {f"{OF_BOX}::test_wide"}}
     # What a fixture executes that several tests share is any test's of that file.
-    held = reach.tests_at(BOX, Lines(frozenset((10,)), True))
+    held = reach.tests_at(BOX, frozenset((10,)))
     assert len(held[OF_BOX]) == 4
     assert set(held[OF_DOUBLED]) == {f"{OF_DOUBLED}::test_box"}
     assert held[OF_BOX][f"{OF_BOX}::test_first"] >= 0.3
     assert not any("real_time" in test for test in reach.seconds)
 
 
-def test_what_acts_with_a_line_is_its_statement_or_whoever_uses_it() -> None:
-    assert lines_of(SOURCE, 15, []) == Lines(frozenset((14, 15, 16, 17)), True)
-    assert lines_of(SOURCE, 8, []) == Lines(frozenset((8,)), True)  # an if is not what it guards
-    assert lines_of(SOURCE, 9, []) == Lines(frozenset((9,)), True)
-    assert lines_of(SOURCE, 1, ["MOST", "Box"]) == Lines(frozenset((8, 9, 10)), False)
-    assert lines_of(SOURCE, 5, ["wide", "Box"]) == Lines(frozenset((8, 9, 10)), False)
-    assert lines_of(SOURCE, 13, ["doubled"]) == Lines(frozenset((14, 15, 16, 17)), False)
-    assert lines_of(SOURCE, 2, []) == Lines(frozenset(), False)
+def test_what_acts_with_a_line_is_its_statement() -> None:
+    assert lines_of(SOURCE, 15) == frozenset((14, 15, 16, 17))
+    assert lines_of(SOURCE, 8) == frozenset((8,))  # an if is not what it guards
+    assert lines_of(SOURCE, 9) == frozenset((9,))
+    for of_the_module in (1, 2, 5, 13):  # a constant, nothing, a field, a default
+        assert lines_of(SOURCE, of_the_module) == frozenset()
 
 
 def test_those_that_execute_a_line_come_first(reach: Reach) -> None:
     order = [Path("tests/test_new.py"), Path(OF_DOUBLED), Path(OF_BOX)]
-    inside = in_order(reach, BOX, lines_of(SOURCE, 15, []), order)
+    inside = in_order(reach, BOX, lines_of(SOURCE, 15), order)
     assert inside == [
         Tried(OF_DOUBLED, only=frozenset(DOUBLED)),
         Tried("tests/test_new.py"),  # nothing is known of it
         Tried(OF_DOUBLED, but=frozenset(DOUBLED)),
     ]
-    # A constant may act anywhere: all files follow, and of each what has not been run.
-    constant = in_order(reach, BOX, lines_of(SOURCE, 1, ["MOST", "Box"]), order)
-    assert [tried.file for tried in constant] == [
-        OF_BOX,  # it mirrors the file
-        OF_DOUBLED,
-        "tests/test_new.py",
-        OF_DOUBLED,
-        OF_BOX,
-    ]
-    assert constant[-1].but == constant[0].only
 
 
 def test_what_has_changed_since_is_not_known(project: Path, reach: Reach) -> None:
@@ -144,7 +132,7 @@ def test_what_has_changed_since_is_not_known(project: Path, reach: Reach) -> Non
     test.write_text(TEST_OF_DOUBLED + "\n", encoding="utf-8")
     assert not reach.records(OF_DOUBLED)
     assert reach.records(OF_BOX)
-    assert OF_DOUBLED not in reach.tests_at(BOX, Lines(frozenset((15,)), True))
+    assert OF_DOUBLED not in reach.tests_at(BOX, frozenset((15,)))
     test.write_text(TEST_OF_DOUBLED, encoding="utf-8")
     assert reach.records(OF_DOUBLED)
 
