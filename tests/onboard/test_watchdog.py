@@ -409,6 +409,27 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
             module.close()
 
 
+def test_systemd_is_told_four_times_in_its_interval_and_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(watchdog, "_tell_systemd", told.append)
+    monkeypatch.setenv("WATCHDOG_USEC", "2000000")
+    feeding = watchdog._Watchdog()
+    times = []
+    for tick in range(101):  # 50 a second, for two
+        before = len(told)
+        feeding.feed(10.0 + 0.02 * tick)
+        times += [0.02 * tick] * (len(told) - before)
+    assert told == ["READY=1"] + ["WATCHDOG=1"] * 5
+    assert times == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.5, 2.0], abs=0.021)
+    monkeypatch.delenv("WATCHDOG_USEC")
+    without = watchdog._Watchdog()
+    for now_s in (0.0, 1.0, 100.0):
+        without.feed(now_s)
+    assert told[6:] == ["READY=1"]
+
+
 def test_at_no_moment_does_the_page_say_that_nothing_is_commanded() -> None:
     """Whenever it is killed, a process that commands the surfaces leaves a page that says so."""
     page = ProcessHeartbeat()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import cos, sin
 
 import pytest
 from test_rollout import ETA, GUARDS, POLAR
@@ -248,6 +249,42 @@ def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
     request = LiftSearch(POLAR).seek(look)  # without a map: it knows no line that would carry it
     assert request.reason == TOO_LOW
     assert request.over_ground_m == pytest.approx(over_m)
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (-0.4, 0.3), (1.0, -0.5)])
+def test_a_line_moves_as_fast_as_its_distance_does_not_say_of_the_aircraft(
+    velocity: tuple[float, float],
+) -> None:
+    """e_rho' = V_across - the line's own speed, positive upward of it; a line at rest has none."""
+    line_mps = 0.3
+    across = cos(ETA) * velocity[1] - sin(ETA) * velocity[0]
+    task = SearchTask(
+        fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
+        ground=GUARDS.ground,
+        polar=POLAR,
+        clearance_min_m=1.0,
+        line=GUARDS.line,
+    )
+    state = dict.fromkeys(VehicleState._fields, 0.0)
+    moved = {"time_s": 1.0, "velocity_x_mps": velocity[0], "climb_mps": velocity[1]}
+    now = VehicleState(**(state | moved))
+    for moving, speed_mps in ((True, line_mps), (False, 0.0)):
+        glimpse = Glimpse(
+            before=now._replace(time_s=0.8),
+            now=now,
+            line=LineTracking(
+                x_m=0.0, z_m=0.0, eta_rad=ETA, moving=moving, e_rho_m=0.0,
+                e_rho_rate_mps=across - line_mps,
+            ),
+            wind_mps=9.0,
+            updraft_mps=0.0,
+            pitot=True,
+            seeks=True,
+            refused=False,
+        )  # fmt: skip
+        look = sighting_of(guards_of(task), glimpse)
+        assert look is not None
+        assert look.moving.line.speed_mps == pytest.approx(speed_mps)
 
 
 def test_low_with_a_good_line_it_goes_on_while_it_does_not_sink() -> None:

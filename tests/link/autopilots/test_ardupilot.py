@@ -288,10 +288,14 @@ def functions(channels: SurfaceChannels) -> dict[str, float]:
 
 
 def test_a_brake_of_its_own_passes_through_and_the_ailerons_stay_ardupilot_s() -> None:
-    """SERVOn_FUNCTION: 19 elevator, 4 aileron, 21 rudder, and 50 more than a channel repeats it."""
+    """SERVOn_FUNCTION: 19 elevator, 4 aileron, 21 rudder, 70 throttle, and 50 more than a channel
+    repeats it."""
     plain = {"SERVO2_FUNCTION": 19.0, "SERVO1_FUNCTION": 4.0, "SERVO4_FUNCTION": 21.0}
     sticks = {"RCMAP_PITCH": 2.0, "RCMAP_ROLL": 1.0, "RCMAP_YAW": 4.0}
     assert functions(on(2, 1, 4)) == plain | sticks
+    motor = ThrottleChannel(channel=5, pwm_min=1000, pwm_max=2000)
+    powered = on(2, 1, 4)._replace(throttle=motor)
+    assert functions(powered) == plain | sticks | {"SERVO5_FUNCTION": 70.0, "RCMAP_THROTTLE": 5.0}
     spoiled = on(2, 1, 4)._replace(brake=BrakeChannel(surface(6)))
     assert functions(spoiled) == plain | sticks | {"SERVO6_FUNCTION": 56.0}
     mixed = on(2, 1, 4)._replace(brake=BrakeChannel(surface(6), throw=0.5))
