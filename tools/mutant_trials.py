@@ -5,7 +5,8 @@ be imported, and one that never ends, count as noticed.  A test that fails in th
 well notices nothing: it is left out from then on.
 
 A mutant's tests share its processor time.  So for half of it those that are known to take long
-wait, whatever their file, as one file of long tests would leave nothing to the others.  And numba
+wait, whatever their file, as one file of long tests would leave nothing to the others; one of which
+that is only found is cut short.  And numba
 is hidden: tests that compile kernels, which takes minutes for each mutant, skip themselves, and the
 others of their files run.
 """
@@ -22,7 +23,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -39,6 +40,7 @@ PROGRESS: Final = 10  # mutants from one line of progress to the next
 LOOPING_S: Final = 60.0  # processor time beyond it: no test takes as much
 HANGING_S: Final = 900.0  # on the clock, for a mutant that waits forever
 SLOW_S: Final = 1.0  # a test that takes longer waits for those that take less
+CUT_S: Final = 3.0  # processor time at which one is cut short while others wait for it
 # Loaded once, before a process is split off for each mutant: what the tests load but for us.
 AHEAD: Final = (
     *("numpy", "scipy.optimize", "scipy.signal", "scipy.spatial", "hypothesis", "typer.testing"),
@@ -83,6 +85,7 @@ class _Watch:
         self.tried = Tried("")
         self.until_s = 0.0  # processor time
         self.is_slow_turn = False  # those that are known to take long, or the others
+        self._cut: set[str] = set()  # in the turn of the others
         self._known_slow = frozenset(slow)
         self._stem = stem
         self._broken = broken
@@ -98,7 +101,7 @@ class _Watch:
             is_out = item.nodeid in self._broken or left_out(item)
             is_out |= item.nodeid in self.tried.but
             is_out |= bool(self.tried.only) and item.nodeid not in self.tried.only
-            is_out |= self.is_slow_turn == (item.nodeid not in self._known_slow)
+            is_out |= self.is_slow_turn == (item.nodeid not in self._known_slow | self._cut)
             (others if is_out else kept).append(item)
         items[:] = sorted(kept, key=self._turn)
         config.hook.pytest_deselected(items=others)
@@ -110,7 +113,23 @@ class _Watch:
 
     def has_slow(self, file: str) -> bool:
         """Whether any test of a file is known to take long."""
-        return any(test.partition("::")[0] == file for test in self._known_slow)
+        return any(test.partition("::")[0] == file for test in self._known_slow | self._cut)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
+        """Cuts a test short that takes long while others wait."""
+
+        def cut(_number: int, _frame: object) -> None:
+            self._cut.add(item.nodeid)
+            self.slow.setdefault(item.nodeid, CUT_S)
+            pytest.skip("it takes long: others first")
+
+        signal.signal(signal.SIGPROF, cut)
+        signal.setitimer(signal.ITIMER_PROF, 0.0 if self.is_slow_turn else CUT_S)
+        try:
+            return (yield)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
 
     def pytest_runtest_logfinish(self) -> None:
         """Ends the run once the time is used up."""
@@ -319,7 +338,8 @@ class Workshop:
         """Takes the verdict; the mutant, if it is to be tried again."""
         folder, mutant, _until_s = self._running.pop(child)
         verdict = finished(child, folder)
-        self._slow |= found_slow(folder)
+        if verdict.by or not verdict.noticed:  # of one that hung nothing is known
+            self._slow |= found_slow(folder)
         shutil.copy2(self._root / mutant.path, folder / mutant.path)
         sound = not verdict.by or self._is_sound(verdict.by, folder)
         self._free.append(folder)

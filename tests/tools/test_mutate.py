@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mutant_trials
 import pytest
 from mutant_trials import Mutant, Tried, Verdict, described, finished, found_slow, started
 from mutants_page import NOT_LOOKED_AT, WRITTEN, page_of, reasons_of
@@ -249,6 +250,36 @@ def test_of_this_file_too():
         os.waitpid(child, 0)
         noticed.append(finished(child, tmp_path).by)
     assert noticed == ["", "test_that_takes_none.py::test_that_fails"]
+
+
+def test_a_test_of_which_it_is_only_found_is_cut_short_and_has_its_turn_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Burns a second where half of three is to be had, before the others and in its own turn."""
+    monkeypatch.setattr(mutant_trials, "CUT_S", 0.2)
+    (tmp_path / "src").mkdir()
+    long = tmp_path / "test_that_takes_long.py"
+    body = """\
+import time
+
+def test_long():
+    until = time.process_time() + 1.0
+    while time.process_time() < until:
+        pass
+    assert {0}
+"""
+    tests = [Tried("test_that_takes_long.py"), Tried("test_that_takes_none.py")]
+    for long_holds, other_holds, by in (
+        (True, False, "test_that_takes_none.py::test_it"),
+        (False, True, "test_that_takes_long.py::test_long"),
+        (True, True, ""),
+    ):
+        long.write_text(body.format(long_holds))
+        (tmp_path / "test_that_takes_none.py").write_text(f"def test_it(): assert {other_holds}\n")
+        child = started(tmp_path, tests, budget_s=3.0)
+        os.waitpid(child, 0)
+        assert finished(child, tmp_path).by == by
+        assert found_slow(tmp_path) == {"test_that_takes_long.py::test_long": 0.2}
 
 
 def test_what_takes_long_is_tried_before_the_time_is_over(tmp_path: Path) -> None:
