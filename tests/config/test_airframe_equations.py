@@ -267,6 +267,12 @@ def test_derivatives_of_roll_yaw_and_side_are_those_of_the_docstring() -> None:
     )
 
 
+def test_a_model_without_lift_at_no_incidence_has_no_rigging() -> None:
+    found = lateral_dynamics(airframe({key: LATERAL[key] for key in LATERAL if key != "CL0"}))
+    assert found.rigging_rad == 0.0
+    assert found.lift_rad == pytest.approx(M * G / (QS * 5.0))
+
+
 def test_what_a_model_does_not_name_of_the_cross_derivatives_is_nothing() -> None:
     needed = ("gravity_mps2", "air_density_kgpm3", "servo_lag_radps", "servo_delay_s", "Cl_p",
               "Cl_aileron", "Cn_beta", "Cn_r", "Cn_rudder")  # fmt: skip

@@ -64,7 +64,7 @@ def test_given_gains_of_an_unknown_aircraft_are_named() -> None:
     assert said == "gains of pitch: as the files give them (RHO_P); none are sought"
 
 
-def without(ending: str) -> dict[str, float]:
+def without(ending: str | tuple[str, ...]) -> dict[str, float]:
     return {n: v for n, v in PLANE.parameters.items() if n in SHIPPED and not n.endswith(ending)}
 
 
@@ -74,6 +74,7 @@ def without(ending: str) -> dict[str, float]:
         ({"RHO_P": 0.5}, "RHO_I = 0.11, RHO_D = 0.25, RHO_D_FILT = 6.5 and others"),
         ({"RHO_P": SHIPPED["RHO_P"]}, "RHO_I = 0.11, RHO_D = 0.25, RHO_D_FILT = 6.5 and others"),
         (without("ELE_D"), "ELE_D = 0.19"),
+        (without(("ELE_D", "RHO_I", "RHO_D")), "RHO_I = 0.11, RHO_D = 0.25, ELE_D = 0.19"),
         (without("ELE_I_IMU") | {"RHO_P": 0.5}, "ELE_I_IMU = 0"),
         (without("ELE_DSP_IMU") | {"RHO_P": 0.5}, ""),
         (without("_IMU"), ""),

@@ -207,9 +207,10 @@ def test_a_firmware_has_a_program_a_folder_and_a_mission() -> None:
 
 def test_a_parameter_of_a_firmware_may_be_set_later() -> None:
     words = ["--autopilot-parameter", " A =1", "--autopilot-parameter", "B=2@30"]
+    words += ["--autopilot-parameter", "C=3@0.5"]
     simulation = given("--autopilot", "px4", *words).simulation
     assert simulation.parameters == (("A", 1.0),)
-    assert simulation.later == (TimedSetting("B", 2.0, 30.0),)
+    assert simulation.later == (TimedSetting("B", 2.0, 30.0), TimedSetting("C", 3.0, 0.5))
 
 
 def test_the_simulated_pixhawk_takes_parameters_at_the_start_only(
