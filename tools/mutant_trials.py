@@ -131,6 +131,17 @@ class _Watch:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
 
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """What a test that was cut short leaves, such as a fixture that misses something, says
+        nothing."""
+        report = yield
+        if report.failed and item.nodeid in self._cut and not self.is_slow_turn:
+            report.outcome, report.longrepr = "skipped", (str(item.path), 0, "it was cut short")
+        return report
+
     def pytest_runtest_logfinish(self) -> None:
         """Ends the run once the time is used up."""
         self.is_over = sum(os.times()[:4]) > self.until_s

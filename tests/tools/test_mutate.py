@@ -261,11 +261,19 @@ def test_a_test_of_which_it_is_only_found_is_cut_short_and_has_its_turn_later(
     long = tmp_path / "test_that_takes_long.py"
     body = """\
 import time
+import pytest
 
-def test_long():
+@pytest.fixture
+def whole():
+    ended = []
+    yield ended
+    assert ended
+
+def test_long(whole):
     until = time.process_time() + 1.0
     while time.process_time() < until:
         pass
+    whole.append(True)
     assert {0}
 """
     tests = [Tried("test_that_takes_long.py"), Tried("test_that_takes_none.py")]
