@@ -73,7 +73,7 @@ cover: $(VENV)/.test
 	$(BIN)/coverage report -m --fail-under=100
 
 mutate: $(VENV)/.test
-	$(BIN)/python tools/mutate.py --sample 500 --least 90 --page docs/mutants.md $(ARGS)
+	$(BIN)/python tools/mutate.py --reach --sample 500 --least 90 --page docs/mutants.md $(ARGS)
 
 clean:
 	rm -rf $(VENV) out

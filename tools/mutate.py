@@ -1,6 +1,6 @@
 """Change the source in small ways, one at a time, and see whether the tests notice.
 
-    python tools/mutate.py --sample 500 --page docs/mutants.md      over all of src
+    python tools/mutate.py --reach --sample 500 --page docs/mutants.md      over all of src
     python tools/mutate.py src/tgl_soar/control/envelope.py         every change of one file
     python tools/mutate.py src/tgl_soar/control --sample 100 --seed 7
     python tools/mutate.py --named                                  those that people made

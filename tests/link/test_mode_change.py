@@ -241,3 +241,27 @@ def test_a_mode_that_the_pilot_must_choose_is_never_asked_for() -> None:
     assert not change.is_entering
     assert change.poll(0.1, 0.1, False, FBWA) == ()
     assert change.parting() == ()
+
+
+@pytest.mark.parametrize("first", [FBWA, LOITER])
+@pytest.mark.parametrize("second", [FBWA, LOITER])
+def test_ours_comes_back_behind_each_failsafe_s_own_mode_and_no_other(
+    first: int, second: int
+) -> None:
+    change = guided().change
+    now_s = 20.0
+    for chosen in (first, second):
+        change.give_way()
+        for mode, failsafe, back in (
+            (chosen, True, False),
+            (chosen, True, False),
+            (GUIDED, False, True),  # by itself, as its failsafe is over
+            (GUIDED, False, False),  # told once
+        ):
+            now_s += 1.0
+            assert change.comes_back(now_s, mode == GUIDED, mode, failsafe) is back
+    change.give_way()
+    other = FBWA + LOITER - second
+    for mode, failsafe in ((second, True), (other, True), (GUIDED, False)):  # somebody has chosen
+        now_s += 1.0
+        assert not change.comes_back(now_s, mode == GUIDED, mode, failsafe)
