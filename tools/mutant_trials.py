@@ -6,9 +6,8 @@ well notices nothing: it is left out from then on.
 
 A mutant's tests share its processor time.  So for half of it those that are known to take long
 wait, whatever their file, as one file of long tests would leave nothing to the others; one of which
-that is only found is cut short.  And numba
-is hidden: tests that compile kernels, which takes minutes for each mutant, skip themselves, and the
-others of their files run.
+that is only found is cut short.  And numba is hidden: tests that compile kernels, which takes
+minutes for each mutant, skip themselves, and the others of their files run.
 """
 
 from __future__ import annotations
@@ -85,8 +84,7 @@ class _Watch:
         self.tried = Tried("")
         self.until_s = 0.0  # processor time
         self.is_slow_turn = False  # those that are known to take long, or the others
-        self._cut: set[str] = set()  # in the turn of the others
-        self._known_slow = frozenset(slow)
+        self._waiting = set(slow)  # for the slow turn: known ones, and those cut short
         self._stem = stem
         self._broken = broken
 
@@ -101,7 +99,7 @@ class _Watch:
             is_out = item.nodeid in self._broken or left_out(item)
             is_out |= item.nodeid in self.tried.but
             is_out |= bool(self.tried.only) and item.nodeid not in self.tried.only
-            is_out |= self.is_slow_turn == (item.nodeid not in self._known_slow | self._cut)
+            is_out |= self.is_slow_turn == (item.nodeid not in self._waiting)
             (others if is_out else kept).append(item)
         items[:] = sorted(kept, key=self._turn)
         config.hook.pytest_deselected(items=others)
@@ -113,14 +111,14 @@ class _Watch:
 
     def has_slow(self, file: str) -> bool:
         """Whether any test of a file is known to take long."""
-        return any(test.partition("::")[0] == file for test in self._known_slow | self._cut)
+        return any(test.partition("::")[0] == file for test in self._waiting)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
         """Cuts a test short that takes long while others wait."""
 
         def cut(_number: int, _frame: object) -> None:
-            self._cut.add(item.nodeid)
+            self._waiting.add(item.nodeid)
             self.slow.setdefault(item.nodeid, CUT_S)
             pytest.skip("it takes long: others first")
 
@@ -138,7 +136,7 @@ class _Watch:
         """What a test that was cut short leaves, such as a fixture that misses something, says
         nothing."""
         report = yield
-        if report.failed and item.nodeid in self._cut and not self.is_slow_turn:
+        if report.failed and item.nodeid in self._waiting and not self.is_slow_turn:
             report.outcome, report.longrepr = "skipped", (str(item.path), 0, "it was cut short")
         return report
 
@@ -338,12 +336,10 @@ class Workshop:
         """What is run, in that order: by what was recorded, where the file is as it was then."""
         names = names_at(source, mutant.change.line)
         order = self._imports.tests_of(mutant.path, names)
-        if self._reach is None or not self._reach.knows(mutant.path):
-            return [Tried(str(path)) for path in order]
         lines = lines_of(source, mutant.change.line)
-        if not lines:  # of the module itself
-            return [Tried(str(path)) for path in order]
-        return in_order(self._reach, mutant.path, lines, order)
+        if lines and self._reach is not None and self._reach.knows(mutant.path):
+            return in_order(self._reach, mutant.path, lines, order)
+        return [Tried(str(path)) for path in order]
 
     def _end(self, child: int) -> Mutant | None:
         """Takes the verdict; the mutant, if it is to be tried again."""

@@ -503,7 +503,7 @@ def test_surfaces_that_can_be(
 def test_every_key_of_the_model_is_known_and_no_other() -> None:
     for key in of_airframe.MODEL_KEYS:
         if not key.startswith("propeller_"):
-            value = -0.5 if key in of_airframe._NEGATIVE else 0.5
+            value = -0.5 if key in of_airframe.NEGATIVE_KEYS else 0.5
             assert airframe(model={key: value}).model == {key: value}
     with pytest.raises((msgspec.ValidationError, ValueError), match=r"model\.CL_beta: unknown key"):
         airframe(model={"CL_beta": 0.5})

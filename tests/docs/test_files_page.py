@@ -146,9 +146,9 @@ def test_the_keys_of_the_model_are_those_that_are_known() -> None:
     sideways = re.findall(r"^\| `(\w+)` \|.*\| ○ ", PAGE.read_text(encoding="utf-8"), re.M)
     assert {*sideways} == {*lateral_gains._NEEDED} - {*marked}
     positive = [key for key, told, _ in tables()["model"] if told.startswith("above 0")]
-    assert positive == [*airframe._POSITIVE]
+    assert positive == [*airframe.POSITIVE_KEYS]
     told = {key: told for key, told, _ in tables()["model"]}
-    assert [key for key in told if told[key] == "below 0"] == [*airframe._NEGATIVE]
+    assert [key for key in told if told[key] == "below 0"] == [*airframe.NEGATIVE_KEYS]
     stall = f"above 0, up to {number(airframe.STALL_MAX_RAD)}"
     assert [key for key in told if told[key] == stall] == [*airframe._BELOW_STALL_MAX]
     for key, low, high in (("CL_alpha", *airframe._LIFT_SLOPE), *airframe._PROPELLER_RANGES):

@@ -226,7 +226,7 @@ class Airframe(Strict, frozen=True):
             if key not in MODEL_KEYS:
                 known = ", ".join(MODEL_KEYS)
                 raise ValueError(f"model.{key}: unknown key; known here: kind, {known}")
-        for key in _POSITIVE:
+        for key in POSITIVE_KEYS:
             if not self.model.get(key, 1.0) > 0.0:
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
         _check_size(self.airframe)
@@ -300,7 +300,7 @@ def _check_signs(model: dict[str, float]) -> None:
         if not model.get(key, 0.0) <= STALL_MAX_RAD:
             allowed = f"above 0, up to {STALL_MAX_RAD:g} (radians)"
             raise ValueError(f"model.{key} = {model[key]:g}: must be {allowed}")
-    for key in _NEGATIVE:
+    for key in NEGATIVE_KEYS:
         if not model.get(key, -1.0) < 0.0:
             raise ValueError(f"model.{key} = {model[key]:g}: must be below 0")
 
@@ -323,7 +323,7 @@ _OF_SPAN_TIMES_CHORD: Final = (0.4, 2.0)
 _GYRATION_OF_SPAN: Final = (0.02, 1.0)
 STALL_MAX_RAD: Final = 0.8  # 46 degrees
 _BELOW_STALL_MAX: Final = ("stall_alpha_rad", "stall_width_rad")
-_NEGATIVE: Final = ("stall_alpha_negative_rad", "Cl_p", "Cm_alpha", "Cm_q", "Cn_r")
+NEGATIVE_KEYS: Final = ("stall_alpha_negative_rad", "Cl_p", "Cm_alpha", "Cm_q", "Cn_r")
 # A wing of aspect ratio 1 has some 1.5, a thin aerofoil 6.28, a thick one somewhat more; by degrees
 # it would be 0.11 at most.
 _LIFT_SLOPE: Final = (0.5, 8.0)
@@ -358,7 +358,7 @@ MODEL_KEYS: Final = (
 SIMULATED_KEYS: Final = tuple(
     key for key in MODEL_KEYS if key not in (*OF_THE_BRAKE, *OF_THE_PROPELLER, "thrust_n")
 )
-_POSITIVE: Final = (
+POSITIVE_KEYS: Final = (
     "gravity_mps2",
     "air_density_kgpm3",
     "stall_alpha_rad",

@@ -48,7 +48,12 @@ from collections.abc import Mapping
 from math import atan2, cos, exp, log1p, sin, sqrt
 from typing import NamedTuple
 
-from tgl_soar.config.airframe import OF_THE_BRAKE, OF_THE_PROPELLER
+from tgl_soar.config.airframe import (
+    NEGATIVE_KEYS,
+    OF_THE_BRAKE,
+    OF_THE_PROPELLER,
+    POSITIVE_KEYS,
+)
 from tgl_soar.estimation.polar import PolarFit, fit_polar
 from tgl_soar.geometry import in_body_axes, quaternion_from_euler
 from tgl_soar.sim.propeller import spun, thrust
@@ -188,19 +193,7 @@ class Glide(NamedTuple):
 
 
 _METADATA = ("mass_kg", "wing_area_m2", "span_m", "chord_m", "ixx_kgm2", "iyy_kgm2", "izz_kgm2")
-_POSITIVE = (
-    *_METADATA,
-    "gravity_mps2",
-    "air_density_kgpm3",
-    "CL_alpha",
-    "stall_alpha_rad",
-    "stall_width_rad",
-    "CD0",
-    "Cm_elevator",
-    "Cl_aileron",
-    "Cn_rudder",
-)
-_NEGATIVE = ("stall_alpha_negative_rad", "Cl_p", "Cm_alpha", "Cm_q", "Cn_r")
+_POSITIVE = (*_METADATA, "CL_alpha", *POSITIVE_KEYS)
 _MAY_BE_MISSING = (*OF_THE_BRAKE, *OF_THE_PROPELLER)
 
 
@@ -225,7 +218,7 @@ def aircraft_model(airframe: Mapping[str, object], model: Mapping[str, float]) -
         number = float(value)
         if not abs(number) < 1e6:
             raise ValueError(f"{where}.{name} = {value}: must be finite, and below 1e6 in size")
-        if (name in _POSITIVE and number <= 0.0) or (name in _NEGATIVE and number >= 0.0):
+        if (name in _POSITIVE and number <= 0.0) or (name in NEGATIVE_KEYS and number >= 0.0):
             sign = "positive" if name in _POSITIVE else "negative"
             raise ValueError(f"{where}.{name} = {value}: must be {sign}")
         values.append(number)

@@ -22,6 +22,7 @@ from tgl_soar.control.search.glimpse import (
 )
 from tgl_soar.control.search.lift_search import (
     LiftSearch,
+    Sighting,
     guards_of,
     landing_height,
     sighting_of,
@@ -212,30 +213,19 @@ def test_it_gives_up_while_there_is_height_to_land() -> None:
     assert after(1.0, poor, over_ground_m=1.79).status == LOOKING
 
 
-@pytest.mark.parametrize(("x_m", "low_m"), [(-30.0, 1.5), (0.0, 5.0**0.5)])
-def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
-    x_m: float, low_m: float
-) -> None:
-    """CLEAR_MIN is 1 m.  Over a slope of 2 that is gone √5 m up, above the 1.5 m of landing."""
-    steep = Ground(2, (-20.0, 20.0, *(20.0,) * 6), (-40.0, 40.0, *(40.0,) * 6))
+def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Ground) -> Sighting:
+    """Of a glimpse in a wide fence; CLEAR_MIN is 1 m."""
     task = SearchTask(
         fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
-        ground=steep,
+        ground=ground,
         polar=POLAR,
         clearance_min_m=1.0,
         line=GUARDS.line,
     )
-    still = dict.fromkeys(VehicleState._fields, 0.0)
-    over_m = low_m + 0.05
-    now = VehicleState(
-        **(still | {"time_s": 1.0, "x_m": x_m, "z_m": max(-40.0, 2.0 * x_m) + over_m})
-    )
     glimpse = Glimpse(
-        before=now._replace(time_s=0.8, z_m=now.z_m + 0.2),
+        before=before,
         now=now,
-        line=LineTracking(
-            x_m=x_m, z_m=now.z_m, eta_rad=ETA, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0
-        ),
+        line=line,
         wind_mps=9.0,
         updraft_mps=0.0,
         pitot=True,
@@ -244,6 +234,24 @@ def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
     )
     look = sighting_of(guards_of(task), glimpse)
     assert look is not None
+    return look
+
+
+@pytest.mark.parametrize(("x_m", "low_m"), [(-30.0, 1.5), (0.0, 5.0**0.5)])
+def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
+    x_m: float, low_m: float
+) -> None:
+    """CLEAR_MIN is 1 m.  Over a slope of 2 that is gone √5 m up, above the 1.5 m of landing."""
+    steep = Ground(2, (-20.0, 20.0, *(20.0,) * 6), (-40.0, 40.0, *(40.0,) * 6))
+    still = dict.fromkeys(VehicleState._fields, 0.0)
+    over_m = low_m + 0.05
+    now = VehicleState(
+        **(still | {"time_s": 1.0, "x_m": x_m, "z_m": max(-40.0, 2.0 * x_m) + over_m})
+    )
+    line = LineTracking(
+        x_m=x_m, z_m=now.z_m, eta_rad=ETA, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0
+    )
+    look = seen(now._replace(time_s=0.8, z_m=now.z_m + 0.2), now, line, steep)
     assert look.over_ground_m == pytest.approx(over_m)
     assert landing_height(look) == pytest.approx(low_m)
     request = LiftSearch(POLAR).seek(look)  # without a map: it knows no line that would carry it
@@ -258,32 +266,15 @@ def test_a_line_moves_as_fast_as_its_distance_does_not_say_of_the_aircraft(
     """e_rho' = V_across - the line's own speed, positive upward of it; a line at rest has none."""
     line_mps = 0.3
     across = cos(ETA) * velocity[1] - sin(ETA) * velocity[0]
-    task = SearchTask(
-        fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
-        ground=GUARDS.ground,
-        polar=POLAR,
-        clearance_min_m=1.0,
-        line=GUARDS.line,
-    )
     state = dict.fromkeys(VehicleState._fields, 0.0)
     moved = {"time_s": 1.0, "velocity_x_mps": velocity[0], "climb_mps": velocity[1]}
     now = VehicleState(**(state | moved))
     for moving, speed_mps in ((True, line_mps), (False, 0.0)):
-        glimpse = Glimpse(
-            before=now._replace(time_s=0.8),
-            now=now,
-            line=LineTracking(
-                x_m=0.0, z_m=0.0, eta_rad=ETA, moving=moving, e_rho_m=0.0,
-                e_rho_rate_mps=across - line_mps,
-            ),
-            wind_mps=9.0,
-            updraft_mps=0.0,
-            pitot=True,
-            seeks=True,
-            refused=False,
+        line = LineTracking(
+            x_m=0.0, z_m=0.0, eta_rad=ETA, moving=moving, e_rho_m=0.0,
+            e_rho_rate_mps=across - line_mps,
         )  # fmt: skip
-        look = sighting_of(guards_of(task), glimpse)
-        assert look is not None
+        look = seen(now._replace(time_s=0.8), now, line, GUARDS.ground)
         assert look.moving.line.speed_mps == pytest.approx(speed_mps)
 
 
