@@ -67,3 +67,45 @@ def test_arrays_equal_single_queries_and_ground_is_outside() -> None:
 def test_refuses_what_is_no_hill(wind: float, radius: float) -> None:
     with pytest.raises(ValueError, match="must be positive"):
         HillField(wind, radius)
+
+
+def test_at_the_surface_and_on_the_ground_there_is_air() -> None:
+    field = HillField(9.0, 20.0)
+    # The top, the foot (where the wind stands still), and level ground before the hill, where
+    # u is U (1 - R² / x²).
+    for place, wind in (((0.0, 20.0), 18.0), ((-20.0, 0.0), 0.0), ((-30.0, 0.0), 5.0)):
+        x, z = place
+        assert hill_wind(field.hill, x, z) == pytest.approx((wind, 0.0))
+        assert [float(part) for part in field.wind(x, 5.0, z)] == pytest.approx([wind, 0.0, 0.0])
+        assert field.inside(x, 5.0, z)
+
+
+def test_the_hill_is_round() -> None:
+    field = HillField(9.0, 20.0)
+    assert not field.inside(-11.9, 0.0, 15.9)  # 12, 16 and 20 are a right triangle's sides
+    assert field.inside(-12.1, 0.0, 16.1)
+    assert not field.inside(-19.0, 0.0, 0.5)
+    assert not field.inside(-0.5, 0.0, 19.0)
+    assert field.inside(-0.5, 0.0, 20.5)
+    assert field.inside(0.5, 0.0, 20.5)
+
+
+@pytest.mark.parametrize(("wind", "radius"), [(0.1, 0.1), (999.0, 0.99e6)])
+def test_small_and_large_hills_are_taken(wind: float, radius: float) -> None:
+    field = HillField(wind, radius)
+    assert field.hill == Hill(wind_mps=wind, radius_m=radius)
+    assert field.reference_wind_mps == wind
+
+
+@pytest.mark.parametrize("radius", [0.0, -20.0, 1e6, 1.5e6, float("nan")])
+def test_a_radius_that_no_hill_has_is_named(radius: float) -> None:
+    with pytest.raises(ValueError, match=r"must be positive and below 1e6 m") as error:
+        HillField(9.0, radius)
+    assert f"hill radius {radius} m" in str(error.value)
+
+
+@pytest.mark.parametrize("wind", [0.0, -9.0, 1000.0, 1500.0, float("nan")])
+def test_a_wind_that_never_blows_is_named(wind: float) -> None:
+    with pytest.raises(ValueError, match=r"must be positive and below 1000 m/s") as error:
+        HillField(wind, 20.0)
+    assert f"hill wind {wind} m/s" in str(error.value)

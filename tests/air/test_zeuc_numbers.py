@@ -195,6 +195,13 @@ def test_a_small_jump_between_nodes_is_none_either() -> None:
         assert len(crossings(broken(jump), LEVEL, 0.0, 0.0, UP, 1.0)) == found, jump
 
 
+def test_where_excess_only_touches_zero_nothing_is_stable() -> None:
+    """Between growing and falling: a metre further up or down the aircraft sinks away."""
+    (crossing,) = crossings(Made(lambda _x, _y, z, _t: -z * z), LEVEL, 0.0, 0.0, UP, 0.5)
+    assert (crossing.z_m, crossing.excess_slope_per_s) == (0.0, 0.0)
+    assert not crossing.stable
+
+
 def test_a_hole_between_two_nodes_is_no_crossing() -> None:
     field = Made(lambda _x, _y, z, _t: np.where(np.abs(z - 0.125) < 1e-3, np.nan, 0.125 - z))
     assert crossings(field, LEVEL, 0.0, 0.0, UP, 1.0) == []
