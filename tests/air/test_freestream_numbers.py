@@ -203,6 +203,17 @@ def test_in_a_straight_jet_the_net_is_a_grid_of_rectangles() -> None:
     assert reach == pytest.approx([-1.5, 6.0])  # φ: the nozzle's slower way, and the free one
 
 
+@pytest.mark.parametrize(("ratio", "faster"), [(1.5, 1.5), (0.8, 1.0)])
+def test_a_faster_lower_edge_takes_more_of_the_potential_as_far_down(
+    ratio: float, faster: float
+) -> None:
+    """φ grows by the speed of the faster edge for each metre, and nowhere by less than 1."""
+    jet = STRAIGHT._replace(slope_rad=1e-9, log_wake_speed=log(ratio))
+    net = FreeJetMap(jet, 3.0, 5.0)
+    reach = net.chi[[0, -1], 0].real * jet.flow_m2ps / pi
+    assert reach == pytest.approx([-3.0, 1.2 * 5.0 * faster])
+
+
 @pytest.mark.parametrize("ratio", [1.0, 1.3])
 def test_at_the_lip_the_edge_leaves_the_roof_without_a_bend(ratio: float) -> None:
     jet = solved(ratio)

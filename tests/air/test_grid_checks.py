@@ -126,6 +126,20 @@ def test_swapped_nodes_are_found_where_the_grid_is_square() -> None:
         judge([axes[0], axes[0]], [(9.0 + 3.0 * u * w).T, (w * w * -1.5).T])
 
 
+def test_swapped_nodes_of_a_block_are_found_too() -> None:
+    """Of u = 9 + x + z, w = x - z with the first and the last axis of the nodes exchanged."""
+    axes = [np.arange(6.0), np.arange(5.0), np.arange(6.0)]
+    x, _, z = np.meshgrid(*axes, indexing="ij")
+    judge(axes, [9.0 + x + z, 0.0 * x, x - z])
+    with pytest.raises(GridError, match=r"median .div. 2 1/s.*axes x and z of the nodes swapped"):
+        judge(axes, [9.0 + z + x, 0.0 * x, z - x])
+    # A block of another length in x has its nodes as they are, and no such way out.
+    axes = [np.arange(7.0), np.arange(5.0), np.arange(6.0)]
+    x, _, z = np.meshgrid(*axes, indexing="ij")
+    with pytest.raises(GridError, match=r"with x turned round \(set x_sign or u_sign\); where"):
+        judge(axes, [9.0 + z + x, 0.0 * x, z - x])
+
+
 def test_few_nodes_are_not_judged() -> None:
     axes, (u, w) = plane(4)
     judge(axes, [u, -w])
@@ -144,6 +158,12 @@ def test_less_sources_than_half_of_what_changes_along_are_taken() -> None:
     judge(axes, [u, -0.3 * w])
     with pytest.raises(GridError, match=r"median .div. 1.4 1/s"):
         judge(axes, [u, -0.4 * w])  # 1.4, and 0.6 turned round
+
+
+def test_of_a_block_with_few_sources_an_axis_that_would_leave_fewer_is_not_turned() -> None:
+    """1 + 0.15 - 0.75 is 0.4 of what changes along x; with y turned round it is 0.1."""
+    axes, (u, v, w) = block()
+    judge(axes, [u, 0.075 * v, 0.25 * w])
 
 
 def test_what_is_as_bad_turned_round_is_taken() -> None:
@@ -177,6 +197,12 @@ def test_edges_are_not_judged() -> None:
     judge(axes, [u, -k + 3.0 * (-1.0) ** k])
     with pytest.raises(GridError, match=r"median .div. 2 1/s.*x turned round"):
         judge(axes, [u, w])
+    # Where one row or column beside an edge is all that is left, it is judged alone.
+    for axis, solid in ((0, 1), (0, 3), (1, 2), (1, 3)):
+        air = np.ones(u.shape, dtype=bool)
+        air[(solid, slice(None)) if axis == 0 else (slice(None), solid)] = False
+        with pytest.raises(GridError, match=r"median .div. 2 1/s.*x turned round"):
+            check_mass(FILE, axes, [u, w], air)
 
 
 # --- evening out ------------------------------------------------------------------------------
