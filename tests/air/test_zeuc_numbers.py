@@ -174,6 +174,23 @@ def test_crossings_a_few_centimetres_apart_are_told_apart() -> None:
     assert [c.z_m for c in found] == pytest.approx([0.502, 0.531], abs=1e-6)
 
 
+def test_crossings_are_looked_for_every_centimetre() -> None:
+    """Two that are 15 mm apart, with one of the centimetres between them."""
+    field = Made(lambda _x, _y, z, _t: (z - 0.502) * (z - 0.517))
+    found = crossings(field, LEVEL, 0.0, 0.0, UP, 1.0)
+    assert [c.z_m for c in found] == pytest.approx([0.502, 0.517], abs=1e-6)
+
+
+def test_an_exact_zero_between_two_nodes_is_found_where_it_is() -> None:
+    path = np.linspace(-0.5, 0.5, 101)
+    middle = 0.5 * (float(path[30]) + float(path[31]))
+    for sign in (-1.0, 1.0):
+        field = Made(lambda _x, _y, z, _t, sign=sign: sign * (z - middle))  # type: ignore[misc]
+        assert excess_at(field, LEVEL, 0.0, middle) == 0.0
+        (crossing,) = crossings(field, LEVEL, 0.0, 0.0, UP, 0.5)
+        assert crossing.z_m == pytest.approx(middle, abs=1e-6)
+
+
 def test_an_exact_zero_on_a_node_is_found_once() -> None:
     (crossing,) = crossings(plane(0.0, -1.0), LEVEL, 0.0, 0.0, UP, 0.5)
     assert crossing.z_m == pytest.approx(0.0, abs=1e-6)
@@ -239,7 +256,10 @@ def test_a_line_reaches_four_metres_unless_it_is_told(away_m: float, found: bool
         line = (0.0, side * away_m, UP)
         assert (stable_crossing(field, LEVEL, line) is not None) is found
         assert stable_crossing(field, LEVEL, line, reach_m=5.0) is not None
-    assert stable_crossing(LATER, LEVEL, (0.0, 0.0, UP), 1.0) is not None
+    now, later = (stable_crossing(LATER, LEVEL, (0.0, 0.0, UP), *time) for time in ((), (1.0,)))
+    assert now is not None
+    assert later is not None
+    assert (now.z_m, later.z_m) == pytest.approx((0.0, 2.0), abs=1e-6)
     assert stable_crossing(LATER, LEVEL, (0.0, 0.0, UP), 2.1) is None
 
 
@@ -311,6 +331,7 @@ def test_a_vertical_contour_is_found_as_a_level_one_is() -> None:
         ((float("nan"), 1.0, 0.0, 1.0), 0.1, "bounds in x"),
         ((0.0, float("inf"), 0.0, 1.0), 0.1, "bounds in x"),
         ((0.0, 1.0, 0.0, 1.0), -0.1, "step -0.1 m: must be positive"),
+        ((0.0, 1.0, 0.0, 1.0), 0.0, "step 0.0 m: must be positive"),
         ((0.0, 2.0, 0.0, 1.0), 1.1, "at most the span in z"),
         ((0.0, 1.0, 0.0, 1.0), float("nan"), "step nan m"),
     ],
@@ -436,6 +457,19 @@ def test_the_core_is_found_to_millimetres_between_the_nodes(x: float, z: float) 
     assert (best.x_m, best.z_m) == pytest.approx((x, z), abs=2e-3)
     assert best.excess_mps == pytest.approx(2.0, abs=2e-5)
     assert (best.wind_mps, best.updraft_mps) == pytest.approx((10.0, 3.0), abs=2e-5)
+
+
+@pytest.mark.parametrize("off", [0.0, 0.0004, 0.0008, 0.0012, 0.0016, 0.002, 0.0024, 0.0028])
+def test_a_core_is_no_millimetre_off(off: float) -> None:
+    field = Made(lambda x, _y, z, _t: 2.0 - (x - 0.25 - off) ** 2 - (z - 2.25 + off) ** 2)
+    best = core(field, LEVEL, (-1.0, 1.0, 0.0, 4.0), 0.5)
+    assert abs(best.x_m - 0.25 - off) < 1e-3
+    assert abs(best.z_m - 2.25 + off) < 1e-3
+
+
+def test_where_all_of_the_air_is_alike_a_core_is_anywhere() -> None:
+    best = core(plane(0.0, 0.0), LEVEL, (-1.0, 1.0, 0.0, 1.0), 0.5)
+    assert (best.excess_mps, best.updraft_mps, best.wind_mps) == (0.0, 1.0, 10.0)
 
 
 def test_the_wind_of_a_core_and_of_a_crossing_is_the_whole_horizontal_one() -> None:
