@@ -228,6 +228,18 @@ def test_what_a_scaled_field_is_called_by_is_what_it_begins_with() -> None:
     assert not scaled.inside(0.0, 0.0, 10.0)
 
 
+def test_without_a_time_a_factor_and_a_weight_are_those_at_zero() -> None:
+    ramp = Schedule([-1.0, 1.0], [0.0, 1.0])  # a half at zero
+    scaled, blend = ScaledField(SLOW, ramp), BlendedField(SLOW, FAST, ramp)
+    for field in (scaled, blend):
+        now = [float(part) for part in field.wind(*PLACE)]
+        assert now == pytest.approx(field.wind_at(*PLACE, 0.0))
+        assert now[0] != pytest.approx(field.wind_at(*PLACE, 0.5)[0], rel=0.01)
+    assert scaled.wind_at(*PLACE, 0.0) == pytest.approx(
+        tuple(0.5 * part for part in SLOW.wind_at(*PLACE, 0.0))
+    )
+
+
 class _Uniform:
     """The same wind everywhere, and everywhere inside, or nowhere."""
 
