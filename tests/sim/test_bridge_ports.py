@@ -3,6 +3,7 @@ forgotten of too many, and what is said of a port that cannot be had."""
 
 from __future__ import annotations
 
+import select
 import socket
 from collections.abc import Iterator
 from typing import Any
@@ -69,6 +70,22 @@ def test_who_speaks_first_is_new_once_and_counted(ports: Ports) -> None:
         assert stranger.recv(10) == b"back"
     assert ports.receive(ports.companion) is None
     ports.send(99, b"to nobody")
+
+
+def test_it_waits_as_long_as_it_is_told_and_never_backwards(
+    ports: Ports, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+
+    def nothing(*arguments: Any) -> tuple[list[Any], list[Any], list[Any]]:
+        asked.append(arguments)
+        return [], [], []
+
+    monkeypatch.setattr(select, "select", nothing)
+    both = [ports.ground.socket, ports.companion.socket]
+    for seconds, waits in ((0.25, 0.25), (0.0, 0.0), (-1.0, 0.0), (3.0, 3.0)):
+        assert not ports.wait(seconds, ports.ground, ports.companion)
+        assert asked.pop() == (both, [], [], waits)
 
 
 def test_a_datagram_is_looked_at_to_4096_bytes(ports: Ports) -> None:
