@@ -224,6 +224,21 @@ def test_a_reference_wind_must_be_positive(wind_mps: float) -> None:
         PolynomialField(BOX, reference_wind_mps=wind_mps)
 
 
+class Slanting(Known):
+    """A wind that grows to the right: in the middle it is 8 m/s."""
+
+    def wind(
+        self, x_m: ArrayLike, y_m: ArrayLike, z_m: ArrayLike, time_s: float = 0.0
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        u, v, w = super().wind(x_m, y_m, z_m, time_s)
+        return u + 3.0 * broadcast(x_m, y_m, z_m)[1], v, w
+
+
+def test_a_fit_is_of_the_plane_in_the_middle() -> None:
+    field, _ = fit_polynomial(Slanting(), (0.0, 1.0, 0.0, 1.0), 1)
+    assert field.wind_at(0.5, 7.0, 0.5, 0.0) == pytest.approx((8.0, 0.0, 0.25))
+
+
 class Kinked(Known):
     """An updraft of |x|, which no straight line follows: half of it is left."""
 
