@@ -237,6 +237,14 @@ def test_an_axis_that_is_even_to_a_thousandth_stays_as_it_is() -> None:
         assert u[1] == pytest.approx(1.0 / (1.0 + off) if even else 1.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("step", [0.1, 10.0])
+def test_what_is_even_is_so_by_its_own_step(step: float) -> None:
+    for off, stays in ((0.9e-3, True), (1.5e-3, False)):
+        given = [0.0, step * (1.0 + off), 2.0 * step, 3.0 * step]
+        axis, _, _ = evened(given, [0.0] * 4)
+        assert (axis == given) is stays
+
+
 def test_between_air_and_solid_is_solid() -> None:
     _, _, marked = evened([0.0, 1.0, 4.0, 6.0], [0.0] * 4, [True, False, False, True])
     assert marked == [True, False, False, False, False, True, True]

@@ -166,6 +166,7 @@ def test_a_cross_wind_of_a_plane_is_read_where_it_is_named(tmp_path: Path) -> No
     ("text", "says"),
     [
         ("x,z,u\n1,2,3,4\n", "1 rows of 4 numbers under 3 names"),
+        ("x,z,u,w\n1,2,3,4\n", "column 'x' has one value only"),
         ("x,z,u,w\n0,0,1,1\n0,1,1,1\n1,0,nan,1\n1,1,1,1\n", r"'u' is .* at 1 of 4 .* at line 4;"),
         ("x,z,u,w\n0,0,1,1\n0,1,1,1\n1,0,1,1\n1,inf,1,1\n", r"'z' is .* at 1 of 4 .* at line 5;"),
         ("x,z,u,w\n0,0,1,1\n0,1,1,1\n0,2,1,1\n", "column 'x' has one value only; an axis needs"),

@@ -278,15 +278,18 @@ def test_even_a_short_line_is_searched() -> None:
 
 
 @pytest.mark.parametrize("excess", [0.03, -0.03])
-def test_at_a_saddle_the_branches_stay_apart(excess: float) -> None:
+@pytest.mark.parametrize(("x0", "z0"), [(0.0, 0.0), (5.0, 2.0)])
+def test_at_a_saddle_the_branches_stay_apart(excess: float, x0: float, z0: float) -> None:
     """x z = −c: two hyperbolas, in the quadrants where x z has the sign of −c, none crosses 0."""
-    field = Made(lambda x, _y, z, _t: x * z + excess)
-    lines = contour(field, LEVEL, (-2.1, 2.1, -2.1, 2.1), 0.6)  # a cell around the middle
+    field = Made(lambda x, _y, z, _t: (x - x0) * (z - z0) + excess)
+    bounds = (x0 - 2.1, x0 + 2.1, z0 - 2.1, z0 + 2.1)
+    lines = contour(field, LEVEL, bounds, 0.6)  # a cell around the middle
     assert len(lines) == 2
     for line in lines:
-        assert line[:, 0] * line[:, 1] == pytest.approx(-excess, abs=1e-5)
-        assert len(set(np.sign(line[:, 0]).tolist())) == 1
-    assert {np.sign(line[0, 0]) for line in lines} == {1.0, -1.0}
+        x, z = line[:, 0] - x0, line[:, 1] - z0
+        assert x * z == pytest.approx(-excess, abs=1e-5)
+        assert len(set(np.sign(x).tolist())) == 1
+    assert {np.sign(line[0, 0] - x0) for line in lines} == {1.0, -1.0}
 
 
 def discs(x: FloatArray, _y: FloatArray, z: FloatArray, _t: float) -> FloatArray:
