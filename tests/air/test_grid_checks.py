@@ -160,6 +160,15 @@ def test_less_sources_than_half_of_what_changes_along_are_taken() -> None:
         judge(axes, [u, -0.4 * w])  # 1.4, and 0.6 turned round
 
 
+def test_an_axis_of_a_block_is_turned_where_less_than_half_of_its_sources_would_be_left() -> None:
+    axes, (u, v, w) = block()
+    # 1 + 0.2 is left at 0.8 with either turned round: more than half.
+    judge(axes, [u, 0.1 * v, 0.0 * w])
+    # 1 + 0.75 + 0.25 is 2, and 0.5 with y turned round; nothing with x turned round.
+    with pytest.raises(GridError, match=r"x turned round \(.*\) or with y turned round \(set y_"):
+        judge(axes, [u, 0.375 * v, -0.25 / 3.0 * w])
+
+
 def test_of_a_block_with_few_sources_an_axis_that_would_leave_fewer_is_not_turned() -> None:
     """1 + 0.15 - 0.75 is 0.4 of what changes along x; with y turned round it is 0.1."""
     axes, (u, v, w) = block()
@@ -226,6 +235,14 @@ def test_an_uneven_axis_gets_its_least_spacing_and_straight_lines() -> None:
     axis, u, _ = evened([0.0, 1.0, 4.0, 6.0], [5.0, 7.0, 1.0, 9.0])
     assert axis == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     assert u == pytest.approx([5.0, 7.0, 5.0, 3.0, 1.0, 5.0, 9.0])
+
+
+def test_an_uneven_axis_may_begin_anywhere_and_have_any_spacing() -> None:
+    axis, u, _ = evened([10.0, 10.5, 12.0, 13.0], [4.0, 1.0, 7.0, 5.0])
+    assert axis == pytest.approx([10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.0])
+    assert u == pytest.approx([4.0, 1.0, 3.0, 5.0, 7.0, 6.0, 5.0])
+    even, _, _ = evened([20.0, 21.0, 22.0, 23.0], [0.0] * 4)
+    assert even == [20.0, 21.0, 22.0, 23.0]
 
 
 def test_an_axis_that_is_even_to_a_thousandth_stays_as_it_is() -> None:

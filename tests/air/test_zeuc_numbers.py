@@ -299,9 +299,12 @@ def discs(x: FloatArray, _y: FloatArray, z: FloatArray, _t: float) -> FloatArray
     return np.maximum(large, small)
 
 
-def test_the_longest_contour_comes_first() -> None:
-    lines = contour(Made(discs), LEVEL, (-1.52, 4.01, -1.53, 1.51), 0.1)
-    assert [round(float(line[:, 0].mean())) for line in lines] == [0, 3]
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_longest_contour_comes_first(side: float) -> None:
+    field = Made(lambda x, y, z, t: discs(side * x, y, z, t))
+    low, high = sorted((-1.52 * side, 4.01 * side))
+    lines = contour(field, LEVEL, (low, high, -1.53, 1.51), 0.1)
+    assert [round(float(line[:, 0].mean())) for line in lines] == [0, 3 * side]
     for line, radius in zip(lines, (1.0, 0.5), strict=True):
         length = float(np.hypot(*np.diff(line, axis=0).T).sum())
         assert length == pytest.approx(2.0 * pi * radius, rel=0.02)
