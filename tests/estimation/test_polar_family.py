@@ -51,3 +51,8 @@ def test_what_is_no_family_is_refused(brakes: tuple[float, ...], words: str) -> 
         fit_polar_family(*([g[i] for g in glides] for i in (0, 2, 1)))
     with pytest.raises(ValueError, match="one each"):
         fit_polar_family(SPEEDS, [sink(u, 0.0) for u in SPEEDS], [0.0])
+
+
+def test_glides_at_one_speed_are_refused_for_want_of_others() -> None:
+    with pytest.raises(ValueError, match=r"polar: 1 distinct speeds .* from 6 glides; a cubic"):
+        fit_polar_family([9.0] * 6, [1.0, 1.1, 1.2, 1.3, 1.4, 1.5], [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -65,3 +66,20 @@ def test_the_autopilot_is_asked_for_what_the_stored_values_need(tmp_path: Path) 
     assert flown.parameters["LOOP_RATE"] == 250.0
     assert flown.needs == setup.needs._replace(loop_rate_hz=250.0, lands=True)
     assert process._restored(setup, None) == (setup, [])
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("usual", None),
+        ("raw_imu", 27),  # as MAVLink numbers them
+        ("scaled_imu", 26),
+        ("highres_imu", 105),
+        ("none", 0),
+    ],
+)
+def test_accelerations_come_in_the_message_that_the_airframe_file_names(
+    name: Any, message: int | None
+) -> None:
+    airframe = replace(AIRFRAME, autopilot=replace(AIRFRAME.autopilot, imu=name))
+    assert setup_from(airframe, SITE, VALUES).imu == message

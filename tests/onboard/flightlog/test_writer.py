@@ -204,6 +204,16 @@ def test_a_gap_is_said_in_milliseconds_as_far_as_its_field_goes(
     assert struct.unpack("<H", gap.body) == (said_ms,)
 
 
+def test_a_gap_that_begins_with_the_clock_begins_once(log: Log) -> None:
+    log.begins()
+    log.recorder.leave_out(0.0, STATE)
+    log.recorder.leave_out(0.25, STATE)
+    for _ in range(6):
+        log.recorder.tick(inputs_at(0.5), OUTPUT, STATE)
+    (gap,) = [m for m in log.messages() if m.kind == "O"]
+    assert struct.unpack("<H", gap.body) == (500,)
+
+
 def test_without_a_free_buffer_ticks_are_dropped_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
