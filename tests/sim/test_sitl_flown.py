@@ -14,6 +14,7 @@ import pytest
 
 from tgl_soar.config.files import load_flight, load_site, shipped
 from tgl_soar.sim import sitl
+from tgl_soar.sim.bridge.slowness import TOO_SLOW
 from tgl_soar.sim.operator import FlownLeg, Operator, OperatorError
 from tgl_soar.sim.sitl import SitlFlight, fly, passed, plan
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -283,6 +284,8 @@ def test_each_leg_is_scored_at_its_own_line_and_place(
     """One on the site's line; one on what a search has found; none of the survey."""
     chosen = options(tmp_path, legs=("a",), search=True, survey=True, seed=7, turbulence=0.02)
     found = {"TGL_X": 0.6, "TGL_Z": 1.1, "TGL_LEAN": 0.0}
+    times = iter([100.0, 107.5])
+    monkeypatch.setattr(sitl, "time", SimpleNamespace(monotonic=lambda: next(times)))
     flight, operator = flight_of(
         chosen,
         monkeypatch,
@@ -302,7 +305,7 @@ def test_each_leg_is_scored_at_its_own_line_and_place(
     wind = site_field(site).wind_at(place.x_m, 0.0, place.z_m, 0.0)
     sink = polar.c0 + polar.c1 * wind[0] + polar.c2 * wind[0] ** 2 + polar.c3 * wind[0] ** 3
     assert wind[2] == pytest.approx(sink, abs=0.01)
-    assert (flight.killed_s, flight.notes) == (12.5, ())
+    assert (flight.killed_s, flight.notes, flight.wall_s) == (12.5, (), 7.5)
     assert flight.truth["time_s"][-1] == 60.0
 
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -337,7 +340,7 @@ def test_what_the_machine_has_interrupted_is_noted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     says = "begins\nthis machine is too slow for real time: 0.1 s\nends\n"
-    assert sitl.TOO_SLOW in says
+    assert TOO_SLOW in says
     flight, _ = flight_of(
         options(tmp_path, legs=("a",)), monkeypatch, lambda o: [stood(o, 0)], bridge_says=says
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -57,7 +58,7 @@ def hosted(
     told: list[str] = []
     Recorded.made = []
     monkeypatch.setattr(sitl_page, "SitlProcesses", Recorded)
-    monkeypatch.setattr(sitl_page.time, "sleep", naps.append)
+    monkeypatch.setattr(sitl_page, "time", SimpleNamespace(sleep=naps.append))
     chosen = {"airframe": AIRFRAME, "site": SITE, "out": out, "realtime": True, **changes}
     with pytest.raises(SitlError, match="the page ended"):
         sitl_page.host(SitlOptions(**chosen), 8765, told.append)
