@@ -89,7 +89,7 @@ class Scheduler:
 def scheduler(monkeypatch: pytest.MonkeyPatch) -> Scheduler:
     made = Scheduler()
     module = SimpleNamespace(Client=made.connect, KilledWorker=KilledWorker)
-    monkeypatch.setitem(sys.modules, "distributed", module)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "distributed", module)
 
     def waited(done: queue.SimpleQueue[Any]) -> Any:
         if done.empty():
