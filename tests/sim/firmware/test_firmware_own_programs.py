@@ -238,10 +238,11 @@ def test_an_arduplane_is_told_its_place_its_pace_and_where_we_are(
     assert defaults.read_text() == "RC_OVERRIDE_TIME 0.5\nSYSID_THISMAV 1\n"
     assert process.log == folder / "arduplane.log"
     relay = plane.relay(1)
-    for serial, ground in (("--serial0", True), ("--serial1", False)):
+    for number, serial in ((1, "--serial0"), (2, "--serial1")):
+        relay.add_link(number, ground=number == 1)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-            link.sendto(b"hello", address_of(process.value(serial)))
-            relay.add_link(serial, ground=ground)
+            link.sendto(serial.encode(), address_of(process.value(serial)))
+    assert relay.take_datagrams() == [(1, b"--serial0"), (2, b"--serial1")]
     relay.close()
     plane.close()
     assert process.ended == ["killed", "waited for None"]
