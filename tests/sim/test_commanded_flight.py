@@ -65,7 +65,13 @@ class Given:
 def begun(**changes: float) -> Given:
     world = new_world(0.0)
     known = np.full((1, len(KnownAboard._fields)), nan)
-    return Given(world.parts, laws_of(world, **changes), start(world), empty_rows(200), known)
+    return Given(
+        parts=world.parts,
+        laws=laws_of(world, **changes),
+        flight=start(world),
+        rows=empty_rows(200),
+        known=known,
+    )
 
 
 def command(
