@@ -4,6 +4,7 @@ bridge and the operator, when the module is killed, and what is made of what was
 from __future__ import annotations
 
 import json
+import subprocess
 from collections.abc import Callable
 from math import inf, isnan, nan
 from pathlib import Path
@@ -244,6 +245,48 @@ def test_an_operator_who_gives_up_ends_all_with_a_hint_in_real_time(
     assert error is not None
     assert str(error).startswith("no answer\n")
     assert ("may be too busy for real time" in str(error)) == realtime
+
+
+class Running:
+    """A process that ends when it is asked to, unless it hangs."""
+
+    def __init__(self, name: str, done: list[str], *, hangs: bool = False) -> None:
+        self.name, self.done, self.hangs = name, done, hangs
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        self.done.append(f"{self.name} is sent {number}")
+
+    def kill(self) -> None:
+        self.done.append(f"{self.name} is killed")
+        self.hangs = False
+
+    def wait(self, timeout: float = inf) -> None:
+        if self.hangs:
+            raise subprocess.TimeoutExpired(self.name, timeout)
+        self.done.append(f"{self.name} is waited for")
+        self.returncode = 0
+
+
+def test_processes_are_ended_the_last_first_and_one_that_hangs_is_killed(tmp_path: Path) -> None:
+    processes, done = SitlProcesses(tmp_path), list[str]()
+    running = {name: Running(name, done) for name in ("bridge", "module", "page")}
+    running["module"].hangs = True
+    running["page"].returncode = 1
+    processes._running.update(cast(Any, running))
+    processes.stop()
+    assert done == [
+        "module is sent 15",
+        "module is killed",
+        "module is waited for",
+        "bridge is sent 15",
+        "bridge is waited for",
+    ]
+    processes.stop()
+    assert len(done) == 5
 
 
 # --- what was flown -------------------------------------------------------------------------------
