@@ -451,3 +451,18 @@ def test_how_long_a_flight_waits_for_whom() -> None:
     assert (sitl.AGAIN, sitl.STOOD_S) == (3, 2.0)
     assert isnan(FlownLeg(cast(Any, None), 1.0).stopped_s)
     assert FlownLeg(cast(Any, None), 1.0).moved_s == -inf
+
+
+def test_what_is_flown_unless_it_is_chosen_otherwise(tmp_path: Path) -> None:
+    """All lines for 16 s each, in lockstep, with the simulated autopilot and nothing wrong."""
+    plain = options(tmp_path)
+    assert (plain.legs, plain.stay_s, plain.settings, plain.seed) == ((), 16.0, (), 1)
+    assert plain.pitot
+    assert not (plain.realtime or plain.mocap or plain.search or plain.survey or plain.goes_home)
+    assert (plain.faults, plain.mocap_options, plain.autopilot_parameters) == ((), (), ())
+    assert (plain.autopilot, plain.receiver) == ("builtin", "local")
+    nothing = (plain.model, plain.turbulence, plain.firmware, plain.route, plain.kill_s)
+    assert nothing == (None,) * 5
+    assert (plain.mission, plain.watch_s) == (None, None)
+    addresses = (plain.gcs, plain.gcs_local, plain.companion)
+    assert addresses == ("127.0.0.1:14550", "127.0.0.1:18570", "127.0.0.1:14540")
