@@ -458,7 +458,8 @@ def test_what_is_flown_unless_it_is_chosen_otherwise(tmp_path: Path) -> None:
     plain = options(tmp_path)
     assert (plain.legs, plain.stay_s, plain.settings, plain.seed) == ((), 16.0, (), 1)
     assert plain.pitot
-    assert not (plain.realtime or plain.mocap or plain.search or plain.survey or plain.goes_home)
+    chosen = (plain.realtime, plain.mocap, plain.search, plain.survey, plain.goes_home)
+    assert chosen == (False,) * 5
     assert (plain.faults, plain.mocap_options, plain.autopilot_parameters) == ((), (), ())
     assert (plain.autopilot, plain.receiver) == ("builtin", "local")
     nothing = (plain.model, plain.turbulence, plain.firmware, plain.route, plain.kill_s)
