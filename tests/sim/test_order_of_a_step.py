@@ -10,6 +10,7 @@ import pytest
 
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.glide_test import EvenAir
+from tgl_soar.sim.sensors import USUAL_SENSORS, SurfacesParams
 from tgl_soar.sim.servos import servo_step
 from tgl_soar.sim.world import World, make_world
 from tgl_soar.sim.world_step import FieldAir, Parts, WorldNow, at_rest, local_wind, world_step
@@ -55,6 +56,22 @@ def stepped(
     """By a world of its own, whose sensors take each step once."""
     parts = begun().parts
     return world_step(parts, still()[1] if now is None else now, 1, command, held)
+
+
+def test_at_first_the_elevator_is_at_its_trim_and_all_else_in_the_middle() -> None:
+    """Where the surfaces stand, and what is read back of their commands."""
+    made = make_world(
+        AIRFRAME, SITE, turbulence=0.0, field=Shear(8.5), sensors=USUAL_SENSORS._replace(
+            surfaces=SurfacesParams(200.0, 0.0)
+        ),
+    )  # fmt: skip
+    trim = made.trim.elevator
+    assert made.surfaces.sequence == 1
+    assert made.surfaces[2:6] == pytest.approx((trim, 0.0, 0.0, 0.0), abs=1e-12)
+    assert made.state[13:] == pytest.approx((trim, 0.0, 0.0, 0.0, 0.0), abs=1e-12)
+    assert (made.now.aileron, made.now.rudder, made.now.brake) == (made.now.aileron,) * 3
+    assert made.now.aileron.deflection == 0.0
+    assert (made.now.gust_mps, made.now.roll_gust_radps) == ((0.0, 0.0, 0.0), 0.0)
 
 
 def test_each_servo_follows_its_own_command() -> None:

@@ -37,6 +37,7 @@ class Everything:
     old: Optional[str]  # noqa: UP045 - as older code writes it
     either: int | str
     number_kind: Literal[1, 2]
+    only: Literal["one"]
     plain: Plain | None
     several: list[float]
     maybe: tuple[int | None, ...]
@@ -59,6 +60,7 @@ RESULT = Everything(
     old="x",
     either=1,
     number_kind=2,
+    only="one",
     plain=Plain(Inner(0.5, 7), "words"),
     several=[1.0, 2.0],
     maybe=(1, None),
@@ -75,6 +77,7 @@ WITHOUT = Everything(
     old=None,
     either="",
     number_kind=1,
+    only="one",
     plain=None,
     several=[],
     maybe=(),
@@ -93,7 +96,14 @@ def test_a_group_has_so_many_rows_and_flights_are_numbered() -> None:
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [("whole", int), ("flag", bool), ("number", float), ("old", str), ("number_kind", int)],
+    [
+        ("whole", int),
+        ("flag", bool),
+        ("number", float),
+        ("old", str),
+        ("number_kind", int),
+        ("only", str),
+    ],
 )
 def test_a_plain_field_is_a_column_of_its_type_whether_it_may_be_missing_or_not(
     name: str, kind: type
