@@ -1,0 +1,340 @@
+"""Flights of drawn aircraft, made up: who stays up, what is scored of whom, where an aircraft may
+hover, and how late a command comes."""
+
+from __future__ import annotations
+
+from math import cos, pi, radians, sin, sqrt
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tgl_soar.air.zeuc import Crossing, ZeucError
+from tgl_soar.analysis.experiments.spread_along_line import Slide, dryden_dispersion, leverage
+from tgl_soar.analysis.tuning import flights
+from tgl_soar.analysis.tuning.aircraft import Ranges
+from tgl_soar.analysis.tuning.flights import DrawnFlight, FlyingPlace, line_of, survival
+from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.sim.world import World
+from tgl_soar.types import GlidePolar, SurfaceCommand
+
+PATH = Path("sites/none.toml")
+PLACE = FlyingPlace(
+    airframe=load_airframe(shipped("airframes/eclipson_c.toml")), site_path=PATH, ranges=Ranges()
+)
+VALUES = ParameterSet().changed({"TGL_X": 1.0, "TGL_Z": 2.0, "TGL_LEAN": 15.0})
+
+
+def test_a_line_leans_upwind_by_its_angle_from_upright() -> None:
+    assert line_of(VALUES) == pytest.approx((1.0, 2.0, 0.5 * pi + radians(15.0)), abs=1e-6)
+
+
+def test_the_root_of_the_mean_square_is_of_all() -> None:
+    rows = [
+        DrawnFlight(up=up, rms_e_rho_m=rms, duration_s=1.0, ended="")
+        for up, rms in ((True, 0.1), (True, 0.2), (False, 0.4))
+    ]
+    found = survival(rows)
+    assert (found.up, found.of) == (2, 3)
+    assert found.rms_e_rho_m == pytest.approx(sqrt((0.01 + 0.04 + 0.16) / 3.0))
+    assert survival([]) == (0, 0, 0.0)
+
+
+# --- late commands --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 3])
+def test_until_the_first_command_arrives_the_surfaces_stand_at_trim(
+    ticks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[SurfaceCommand] = []
+    monkeypatch.setattr(World, "step", lambda _self, command: taken.append(command))
+    world: Any = SimpleNamespace(trim=SimpleNamespace(elevator=0.1))
+    late = flights.LateWorld(world, ticks)
+    sent = [SurfaceCommand(0.2 + 0.1 * n, 0.3, 0.4) for n in range(5)]
+    for command in sent:
+        late.step(command)
+    at_trim = [SurfaceCommand(0.1, 0.0, 0.0)] * ticks
+    assert taken == [*at_trim, *sent][:5]
+    assert late.trim is world.trim
+
+
+@pytest.mark.parametrize(("late_s", "ticks"), [(0.0, 0), (0.0124, 2), (0.0126, 3), (0.02, 4)])
+def test_a_lateness_is_flown_in_whole_ticks(
+    late_s: float, ticks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+    monkeypatch.setattr(flights, "available", lambda: False)
+    monkeypatch.setattr(flights, "LateWorld", lambda world, ticks: ("late", world, ticks))
+    monkeypatch.setattr(flights, "ClosedLoop", lambda world, values: ("loop", world, values))
+    monkeypatch.setattr(flights, "_flown", lambda *what: given.append(what))
+    world: Any = object()
+    flights.fly_late(world, 5, VALUES, late_s, 12.0)
+    assert given == [(("loop", ("late", world, ticks), VALUES), line_of(VALUES), 12.0)]
+
+
+# --- what is scored -------------------------------------------------------------------------------
+
+
+def flown_whole(
+    monkeypatch: pytest.MonkeyPatch, ticks: int, ended: str = "", step_hz: float = 100.0
+) -> DrawnFlight:
+    """Off the line by 1 m until 8 s, by 0.1 m from then on; to the side and banked likewise."""
+    x0, z0, eta = line_of(VALUES)
+    off = np.where(np.arange(ticks) < 8.0 * step_hz, 1.0, 0.1)
+    columns = {
+        "x_m": x0 - off * sin(eta) + 3.0 * cos(eta),
+        "z_m": z0 + off * cos(eta) + 3.0 * sin(eta),
+        "y_m": 2.0 * off,
+        "roll_rad": 3.0 * off,
+    }
+
+    class Rows:
+        def __getitem__(self, name: str) -> Any:
+            return columns[name]
+
+    rows: Any = Rows()
+    rows.ticks, rows.ended = ticks, ended
+    monkeypatch.setattr(flights, "available", lambda: True)
+    monkeypatch.setattr(flights, "prepare", lambda world, seconds: (world, seconds))
+    monkeypatch.setattr(flights, "fly_compiled", lambda *_: rows)
+    world: Any = SimpleNamespace(step_hz=step_hz)
+    return flights.fly_whole(world, 5, VALUES, 12.0)
+
+
+def test_a_whole_flight_is_scored_from_eight_seconds_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = flown_whole(monkeypatch, 1200)
+    assert found.up
+    assert found.duration_s == 12.0
+    assert found.rms_e_rho_m == pytest.approx(0.1)
+    assert found.rms_y_m == pytest.approx(0.2)
+    assert found.rms_bank_rad == pytest.approx(0.3)
+
+
+def test_of_a_flight_that_ended_before_all_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = flown_whole(monkeypatch, 800, "disengaged: too low")
+    assert not found.up
+    assert (found.duration_s, found.ended) == (8.0, "too low")
+    assert found.rms_e_rho_m == pytest.approx(1.0)
+    one_more = flown_whole(monkeypatch, 801, "too low")
+    assert one_more.rms_e_rho_m == pytest.approx(0.1)
+
+
+# --- where it hovers ------------------------------------------------------------------------------
+
+POLAR = GlidePolar(c0=3.22, c1=-0.48, c2=0.03, c3=0.0, speed_min_mps=6.0, speed_max_mps=14.0)
+AT = Crossing(x_m=1.0, z_m=2.0, wind_mps=9.0, updraft_mps=1.3, excess_slope_per_s=-0.4, stable=True)
+
+
+def drawn(stall_rad: float = 0.2) -> Any:
+    return SimpleNamespace(
+        known=SimpleNamespace(polar=SimpleNamespace(as_polar=lambda: POLAR)),
+        true=SimpleNamespace(stall_alpha_rad=stall_rad),
+    )
+
+
+def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None:
+    """Over level ground: a glide at 0.1 rad, 10 m up, 1 m of least clearance, a fence of ± 20 m."""
+    case = {
+        "at": AT, "alpha_rad": 0.1, "stall_rad": 0.2, "ground_m": -8.0, "dispersion_m": 0.1,
+        "fence_z_m": (-20.0, 20.0), "fence_x_m": (-20.0, 20.0), "seen": [], **changes,
+    }  # fmt: skip
+
+    def glide(_model: Any, wind_mps: float) -> Any:
+        case["seen"].append(wind_mps)
+        if case["alpha_rad"] is None:
+            raise ValueError("no such glide")
+        return SimpleNamespace(alpha_rad=case["alpha_rad"])
+
+    def outside(_fence: Any, x: float, _y: float, z: float) -> bool:
+        low, high = case["fence_z_m"]
+        left, right = case["fence_x_m"]
+        return not (low <= z <= high and left <= x <= right)
+
+    monkeypatch.setattr(flights, "stable_crossing", lambda *_: case["at"])
+    monkeypatch.setattr(flights, "glide_at", glide)
+    monkeypatch.setattr(flights, "clearance", lambda _ground, _x, z: z - case["ground_m"])
+    monkeypatch.setattr(flights, "_dispersion_m", lambda *_: case["dispersion_m"])
+    monkeypatch.setattr(flights, "outside", outside)
+    site: Any = SimpleNamespace(frame=lambda: None, known_ground=lambda: None)
+    laws = SimpleNamespace(ground=None, fence=None, target=SimpleNamespace(eta_rad=0.5 * pi + 0.2))
+    monkeypatch.setattr(flights, "laws_from", lambda *_, **__: laws)
+    air: Any = None
+    values = VALUES.changed({"CLEAR_MIN": 1.0})
+    return flights._hovering(drawn(case["stall_rad"]), site, air, values, 0.03)
+
+
+def test_an_aircraft_hovers_where_line_and_contour_meet(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[float] = []
+    assert hovering(monkeypatch, seen=seen) is AT
+    assert seen == [9.0]
+    assert hovering(monkeypatch, at=None) is None
+    assert hovering(monkeypatch, alpha_rad=None) is None
+
+
+@pytest.mark.parametrize(("alpha_rad", "clear"), [(0.164, True), (0.166, False)])
+def test_a_glide_keeps_two_degrees_from_the_stall(
+    monkeypatch: pytest.MonkeyPatch, alpha_rad: float, clear: bool
+) -> None:
+    assert (hovering(monkeypatch, alpha_rad=alpha_rad) is AT) == clear
+
+
+@pytest.mark.parametrize(("ground_m", "clear"), [(-0.01, True), (0.01, False)])
+def test_it_hovers_at_twice_the_least_clearance(
+    monkeypatch: pytest.MonkeyPatch, ground_m: float, clear: bool
+) -> None:
+    """Two metres up, where the least is one."""
+    assert (hovering(monkeypatch, ground_m=ground_m, dispersion_m=0.0) is AT) == clear
+
+
+@pytest.mark.parametrize(("factor", "clear"), [(0.99, True), (1.01, False)])
+def test_four_deviations_along_the_line_stay_clear_of_ground_and_fence(
+    monkeypatch: pytest.MonkeyPatch, factor: float, clear: bool
+) -> None:
+    """The line leans by 0.2 rad: a metre along it is cos 0.2 up and sin 0.2 upwind."""
+    for room_m, changes in (
+        (9.0 / cos(0.2), {}),  # from 10 m over the ground down to the least of 1 m
+        (3.0 / cos(0.2), {"fence_z_m": (-20.0, 5.0)}),
+        (3.0 / cos(0.2), {"fence_z_m": (-1.0, 20.0)}),
+        (1.0 / sin(0.2), {"fence_x_m": (0.0, 20.0)}),  # its upper end lies upwind
+        (1.0 / sin(0.2), {"fence_x_m": (-20.0, 2.0)}),
+    ):
+        along_m = factor * room_m / 4.0
+        found = hovering(monkeypatch, dispersion_m=along_m, **changes)
+        assert (found is AT) == clear, changes
+
+
+def test_the_dispersion_is_that_of_a_slide_in_drydens_gusts() -> None:
+    """With the polar's slope at the wind there, and the contour's own rate of return."""
+    site: Any = SimpleNamespace(air=SimpleNamespace(turbulence=SimpleNamespace(length_scale_m=4.0)))
+    air: Any = SimpleNamespace(reference_wind_mps=8.0)
+    eta = 0.5 * pi + 0.2
+    found = flights._dispersion_m(drawn(), site, air, AT, eta, 0.05)
+    slope = -0.48 + 2.0 * 0.03 * 9.0  # of a parabola the difference is exact
+    slide = Slide(rate_per_s=1.0, polar_slope=slope, eta_rad=eta)
+    slide = slide._replace(rate_per_s=0.4 / leverage(slide))
+    assert found == pytest.approx(dryden_dispersion(slide, 0.05 * 8.0, 4.0 / 8.0))
+    assert found > 0.0
+
+
+# --- who flies ------------------------------------------------------------------------------------
+
+
+def test_aircraft_are_drawn_until_one_has_a_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The contour has no such wind for the first, the second has no place on its line."""
+    tried: list[tuple[int, ...]] = []
+
+    def draw(_airframe: Any, _ranges: Any, seed: tuple[int, ...]) -> Any:
+        tried.append(seed)
+        return seed
+
+    def with_line(_field: Any, _site: Any, _air: Any, seed: Any, _values: Any) -> Any:
+        if seed[-1] == 0:
+            raise ZeucError("no such wind")
+        return ("line", seed)
+
+    monkeypatch.setattr(flights, "_place", lambda path: ("site", "air") if path == PATH else None)
+    monkeypatch.setattr(flights, "drawn_aircraft", draw)
+    monkeypatch.setattr(flights, "_with_line", with_line)
+    monkeypatch.setattr(flights, "_hovering", lambda seed, *_: AT if seed[-1] == 2 else None)
+    found: Any = flights.soaring_aircraft(PLACE, VALUES, (1, 9))
+    assert found == ((1, 9, 2), AT, ("line", (1, 9, 2)))
+    tried.clear()
+    monkeypatch.setattr(flights, "_hovering", lambda *_: None)
+    with pytest.raises(
+        ValueError, match=r"of 50 aircraft like .* none has a place to soar on this"
+    ):
+        flights.soaring_aircraft(PLACE, VALUES, (1, 9))
+    assert tried == [(1, 9, n) for n in range(50)]
+
+
+def test_the_line_goes_through_the_contour_at_a_share_of_the_best_glides_speed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(flights, "search_bounds", lambda site: ("bounds", site))
+    monkeypatch.setattr(
+        flights,
+        "place_at_speed_ratio",
+        lambda air, polar, bounds, ratio: (
+            (-3.0, 4.0 * ratio)
+            if (air, polar, bounds) == ("air", POLAR, ("bounds", "site"))
+            else None
+        ),
+    )
+    given: Any = ("site", "air", drawn(), VALUES)
+    assert flights._with_line(PLACE, *given) is VALUES
+    moved = flights._with_line(PLACE._replace(speed_ratio=1.5), *given)
+    assert (moved["TGL_X"], moved["TGL_Z"]) == (-3.0, 6.0)
+    assert moved["TGL_LEAN"] == 15.0
+
+
+def test_a_site_without_air_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flights, "load_site", lambda _path: SimpleNamespace(air=None))
+    with pytest.raises(ValueError, match=r"sites/calm\.toml: no \[air\] to fly in: name another"):
+        flights._place(Path("sites/calm.toml"))
+
+
+class Looped:
+    """A closed loop of made-up flight, ten ticks a second: off the line by 1 m until 8 s and by
+    0.1 m from then on, to the side and banked likewise."""
+
+    def __init__(self, crash_s: float = 99.0, mode: str = "soaring", mode_s: float = 99.0) -> None:
+        self.ticks = 0
+        self.world: Any = SimpleNamespace(
+            step_hz=10.0, state=None, crashed=False, why_lost=lambda _state: "hit the board"
+        )
+        self._crash_s, self._mode, self._mode_s = crash_s, mode, mode_s
+
+    def tick(self) -> Any:
+        self.ticks += 1
+        time_s = self.ticks / 10.0
+        x0, z0, eta = line_of(VALUES)
+        off = 1.0 if time_s <= 8.0 else 0.1
+        self.world.state = SimpleNamespace(
+            x_m=x0 - off * sin(eta), z_m=z0 + off * cos(eta), y_m=2.0 * off,
+            qw=cos(0.1 * off), qx=sin(0.1 * off), qy=0.0, qz=0.0,
+        )  # fmt: skip
+        self.world.crashed = time_s >= self._crash_s
+        mode = self._mode if time_s >= self._mode_s else "soaring"
+        return SimpleNamespace(mode=mode, reason="why")
+
+
+def looped(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> DrawnFlight:
+    monkeypatch.setattr(flights, "mode_name", lambda mode: mode)
+    monkeypatch.setattr(flights, "reason_text", lambda reason: f"because of {reason}")
+    loop: Any = Looped(**changes)
+    return flights._flown(loop, line_of(VALUES), 10.0)
+
+
+def test_a_flight_is_scored_from_eight_seconds_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = looped(monkeypatch)
+    assert (found.up, found.ended, found.duration_s) == (True, "", 10.0)
+    assert found.rms_e_rho_m == pytest.approx(0.1)
+    assert found.rms_y_m == pytest.approx(0.2)
+    assert found.rms_bank_rad == pytest.approx(0.02)
+
+
+def test_a_crash_ends_a_flight_and_all_of_it_counts_where_it_was_short(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = looped(monkeypatch, crash_s=8.0)
+    assert (found.up, found.ended, found.duration_s) == (False, "hit the board", 8.0)
+    assert found.rms_e_rho_m == pytest.approx(1.0)
+    assert found.rms_y_m == pytest.approx(2.0)
+    assert found.rms_bank_rad == pytest.approx(0.2)
+    assert looped(monkeypatch, crash_s=8.1).rms_e_rho_m == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("mode", "over"), [("released", True), ("failed", True), ("recovering", False)]
+)
+def test_who_is_handed_back_is_up_no_more(
+    monkeypatch: pytest.MonkeyPatch, mode: str, over: bool
+) -> None:
+    found = looped(monkeypatch, mode=mode, mode_s=9.0)
+    assert found.up != over
+    assert found.ended == ("because of why" if over else "")
+    assert found.duration_s == (9.0 if over else 10.0)
