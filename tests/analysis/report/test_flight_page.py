@@ -23,7 +23,7 @@ from tgl_soar.analysis.report.legs import ReportLeg
 from tgl_soar.analysis.report.spectra import Spectrum
 from tgl_soar.analysis.report.streams import Stream
 from tgl_soar.geometry import SoaringFrame
-from tgl_soar.sim.score import LegScore
+from tgl_soar.sim.score import SETTLE_S, LegScore
 
 FIELD: Any = object()  # it is asked for nothing here
 POLAR: Any = object()
@@ -117,6 +117,48 @@ def test_positions_in_local_ned_need_a_site() -> None:
     assert placed.flight.path is not None
     # e_rho is still unknown: there is no line.
     assert {"no e_rho", "no brake"} <= {*placed.missing}
+
+
+def test_a_flight_without_positions_lacks_no_site() -> None:
+    zeros = np.zeros(len(TIME_S))
+    path = series(TIME_S, "", x_m=zeros, y_m=zeros, z_m=zeros)
+    position = series(TIME_S, "", north_m=zeros, east_m=zeros, down_m=zeros)
+    for flight in (FlightData("", ""), FlightData("", "", path=path, position=position)):
+        said = analysed(flight, Surroundings(), None).missing
+        assert not any("the path cannot be laid" in text for text in said)
+
+
+def test_spectra_are_of_the_legs_behind_their_settling_or_of_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "spectrum_of", lambda *given: asked.append(given[1:]))
+    flight = lasting(60.0)
+    monkeypatch.setattr(module, "legs_of", lambda *_: [leg(), leg(begin_s=45.0, end_s=55.0)])
+    assert len(analysed(flight, Surroundings(), None).legs) == 2
+    settled = [(10.0 + SETTLE_S, 40.0), (45.0 + SETTLE_S, 55.0)]
+    assert asked == [("e_rho_m", settled), ("updraft_mps", [(0.0, 60.0)])]
+    asked.clear()
+    monkeypatch.setattr(module, "legs_of", lambda *_: [])
+    analysed(flight, Surroundings(), None)
+    assert asked == [("e_rho_m", [(0.0, 60.0)]), ("updraft_mps", [(0.0, 60.0)])]
+
+
+def test_a_contour_needs_both_air_and_polar(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def legs(_flight: Any, lines: Any, air: Any) -> Any:
+        asked.append((lines, air))
+        return []
+
+    monkeypatch.setattr(module, "legs_of", legs)
+    line = {"b": (1.0, 2.0, 1.8)}
+    for known in (
+        Surroundings(field=FIELD, polar=POLAR, lines=line), Surroundings(field=FIELD),
+        Surroundings(polar=POLAR),
+    ):  # fmt: skip
+        analysed(FlightData("", ""), known, None)
+    assert asked == [(line, (FIELD, POLAR)), ({}, None), ({}, None)]
 
 
 def test_e_rho_that_follows_from_path_and_line_is_not_missing() -> None:

@@ -28,6 +28,13 @@ PLACE = FlyingPlace(
 VALUES = ParameterSet().changed({"TGL_X": 1.0, "TGL_Z": 2.0, "TGL_LEAN": 15.0})
 
 
+def test_unless_more_is_asked_for_gains_are_judged_for_half_a_minute_on_the_given_line() -> None:
+    assert PLACE[3:] == (30.0, 0.0, None, 0.0, False)
+    assert PLACE._fields[3:] == (
+        "duration_s", "unknown_late_s", "speed_ratio", "roughest", "seeks",
+    )  # fmt: skip
+
+
 def test_a_line_leans_upwind_by_its_angle_from_upright() -> None:
     assert line_of(VALUES) == pytest.approx((1.0, 2.0, 0.5 * pi + radians(15.0)), abs=1e-6)
 
