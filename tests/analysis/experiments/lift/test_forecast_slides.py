@@ -291,6 +291,28 @@ def test_a_place_without_room_in_the_changed_wind_is_drawn_again() -> None:
         assert start.z_m + up_m * sin(start.eta_rad) >= 3.0
 
 
+class Low(Air):
+    """The same 6.7 m lower: its place is 1.3 m over the clearance, and lower in less wind."""
+
+    def wind(self, x: Any, _y: Any, z: Any, _time_s: float = 0.0) -> Any:
+        return super().wind(x, _y, np.asarray(z) + 6.7)
+
+
+def test_a_place_that_a_weaker_wind_lowers_to_the_clearance_is_drawn_again() -> None:
+    """Half the clearance is to be left over it, at the start and in both winds."""
+    place = at(Low(), step_m=0.05)
+    rng = np.random.default_rng(4)
+    starts = [e.drawn(place, POLAR, True, rng) for _ in range(60)]
+    heights = []
+    for start in starts:
+        (up_m,) = e.stops(place, POLAR, start, start.change)
+        heights.append(start.z_m + up_m * sin(start.eta_rad))
+        assert heights[-1] >= 3.0
+        assert start.z_m >= 3.0
+    assert min(heights) < 3.1
+    assert any(start.change < 1.0 for start in starts)
+
+
 # --- the slide ------------------------------------------------------------------------------------
 
 

@@ -11,6 +11,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.lift import nowhere as e
 from tgl_soar.analysis.experiments.lift import throttle as t
 from tgl_soar.analysis.experiments.lift.forecast import stops
@@ -469,3 +471,41 @@ def test_fewer_than_one_in_a_hundred_may_be_warned_wrongly() -> None:
         claims = e._claims(of)
         assert [claim.holds for claim in claims[1::2]] == [holds] * 2
     assert eta_from_lean(0.0) == pytest.approx(radians(90.0))
+
+
+@pytest.mark.parametrize(("quick", "episodes", "count"), [(True, 9, 4), (False, 3, 3)])
+def test_both_kinds_of_lines_are_flown_compiled_with_both_answers(
+    quick: bool, episodes: int, count: int
+) -> None:
+    asked: list[e.LineJob] = []
+    nobody = e.LineFlown(
+        found=True, warned_s=inf, low_s=inf, floor_s=inf, floor_reported=False, ended="",
+        given_up="", flown_s=8.0,
+    )  # fmt: skip
+
+    class Told(Flyer):
+        def each(self, fly: Any, jobs: Any, *, compiled: bool = False) -> Any:
+            assert fly is e.fly_line
+            assert compiled  # else each would compile for itself, or fly for hours
+            asked.extend(jobs)
+            return [nobody._replace(found=job.seed != 3002) for job in asked]
+
+    result = e.run(Context(Told(), quick=quick, episodes=episodes))
+    assert asked == [
+        e.LineJob(kind=kind, seed=seed, settles=settles, act=act)
+        for kind in KINDS
+        for act in (2, 4)
+        for settles in (False, True)
+        for seed in range(3001, 3001 + count)
+    ]
+    assert result.seeds == (3001, 3000 + count)
+    assert len(result.numbers) == 8 * count
+    assert result.numbers["hill 3001 True 4"] == nobody._asdict()
+    # Where no start was drawn none was flown: it does not count.
+    assert {row[2] for row in result.tables[0].rows} == {str(count - 1)}
+    assert {row[2] for row in result.tables[1].rows} == {f"0 of {count - 1} ({words(count - 1)})"}
+
+
+def words(of: int) -> str:
+    """None of so many, by Clopper and Pearson: 1 - 0.025^(1/n)."""
+    return f"0–{100.0 * (1.0 - 0.025 ** (1.0 / of)):.0f} %"

@@ -376,9 +376,11 @@ def test_a_sink_is_the_polars() -> None:
     assert hill.speeds_mps == (7.7, 13.0)  # as far as rollouts of the search take it
 
 
-def test_some_place_is_soarable_where_the_flow_by_hand_says_so() -> None:
-    """Every place of a fine grid, by the equations of the flow over a half cylinder."""
-    hill = SoaredHill(8.0, FENCE, 1.5, FLAT)
+@pytest.mark.parametrize("sink_mps", [0.5, 3.0])
+def test_some_place_is_soarable_where_the_flow_by_hand_says_so(sink_mps: float) -> None:
+    """Every place of a fine grid, by the equations of the flow over a half cylinder.  A wing that
+    sinks by little is soared wherever it can fly, one that sinks by much where the air rises."""
+    hill = SoaredHill(8.0, FENCE, 1.5, FLAT._replace(c0=sink_mps))
     winds, possible = soarable_winds(hill, 9.0)
     assert winds[0] == 0.0
     assert np.diff(winds) == pytest.approx(np.full(len(winds) - 1, 0.05))
@@ -389,7 +391,7 @@ def test_some_place_is_soarable_where_the_flow_by_hand_says_so() -> None:
     u1, w1 = 1.0 - 64.0 * (x**2 - z**2) / r**4, -2.0 * 64.0 * x * z / r**4
     for wind, found in zip(winds[::3].tolist(), possible[::3].tolist(), strict=True):
         near = [
-            bool(np.any((k * u1 >= 7.7) & (k * u1 <= 13.0) & (k * w1 >= 0.5)))
+            bool(np.any((k * u1 >= 7.7) & (k * u1 <= 13.0) & (k * w1 >= sink_mps)))
             for k in (wind - 0.06, wind, wind + 0.06)
         ]
         if len(set(near)) == 1:
