@@ -20,7 +20,7 @@ from tgl_soar.sim.campaign.flight_list import Campaign, Shard, shard_size, shard
 from tgl_soar.sim.campaign.interrupts import interrupts_later
 from tgl_soar.sim.campaign.journal import InMemory, Journal, JournalError
 from tgl_soar.sim.campaign.manifest import Manifest, key_of, manifest_of, read_manifest, run_by
-from tgl_soar.sim.campaign.run import Progress, run
+from tgl_soar.sim.campaign.run import Progress, fly_all, run
 
 RESULTS = [fly_cheaply(job) for job in cheap_jobs(10)]
 
@@ -246,6 +246,14 @@ def test_the_first_is_flown_here_where_others_share_what_it_loads(shares: bool) 
     assert executor.sizes == ([3, 3, 1] if shares else [3, 3, 2])
     assert [each.flown for each in told] == ([1, 2, 5, 8, 9] if shares else [1, 4, 7, 9])
     assert kept.results()[1:] == [fly_cheaply(job) for job in cheap_jobs(9)][1:]
+
+
+def test_all_flights_in_memory_are_the_executors_unless_it_is_asked_for() -> None:
+    plain, asked = Shares(shares_memory=True), Shares(shares_memory=True)
+    expected = [fly_cheaply(job) for job in cheap_jobs(9)]
+    assert fly_all(fly_cheaply, cheap_jobs(9), plain) == expected
+    assert fly_all(fly_cheaply, cheap_jobs(9), asked, first_here=True) == expected
+    assert (sum(plain.sizes), sum(asked.sizes)) == (9, 8)
 
 
 def test_where_nothing_is_missing_nothing_is_flown() -> None:
