@@ -382,3 +382,16 @@ def test_the_files_of_a_folder_have_their_names() -> None:
         *("flights.journal", "rows.parquet"),
         "manifest.json",
     ) == (folder.JOURNAL, folder.ROWS, folder.MANIFEST)
+
+
+def test_a_folder_is_finished_where_its_manifest_says_so_and_no_journal_is_left(
+    tmp_path: Path,
+) -> None:
+    assert not folder.is_finished(tmp_path)  # nothing lies there
+    made = manifest_of("cheap", fly_cheaply, 2, {}, None)
+    for complete in (False, True):
+        made.complete = complete
+        folder.write_manifest(tmp_path / folder.MANIFEST, made)
+        assert folder.is_finished(tmp_path) == complete
+    (tmp_path / folder.JOURNAL).touch()
+    assert not folder.is_finished(tmp_path)
