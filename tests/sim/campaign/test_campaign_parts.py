@@ -19,7 +19,14 @@ from tgl_soar.sim.campaign.executors import InLine, LocalProcesses, ShardQueue, 
 from tgl_soar.sim.campaign.flight_list import Campaign, Shard, shard_size, shards
 from tgl_soar.sim.campaign.interrupts import interrupts_later
 from tgl_soar.sim.campaign.journal import InMemory, Journal, JournalError
-from tgl_soar.sim.campaign.manifest import Manifest, key_of, manifest_of, read_manifest, run_by
+from tgl_soar.sim.campaign.manifest import (
+    Manifest,
+    key_of,
+    manifest_of,
+    read_manifest,
+    run_by,
+    write_manifest,
+)
 from tgl_soar.sim.campaign.run import Progress, fly_all, run
 
 RESULTS = [fly_cheaply(job) for job in cheap_jobs(10)]
@@ -391,7 +398,7 @@ def test_a_folder_is_finished_where_its_manifest_says_so_and_no_journal_is_left(
     made = manifest_of("cheap", fly_cheaply, 2, {}, None)
     for complete in (False, True):
         made.complete = complete
-        folder.write_manifest(tmp_path / folder.MANIFEST, made)
+        write_manifest(tmp_path / folder.MANIFEST, made)
         assert folder.is_finished(tmp_path) == complete
     (tmp_path / folder.JOURNAL).touch()
     assert not folder.is_finished(tmp_path)
