@@ -110,7 +110,10 @@ def test_as_many_aircraft_are_drawn_as_are_asked_for_each_by_a_seed_of_its_own(
     monkeypatch.setattr(module, "drawn_place", lambda _demands, kind, seed: (kind, seed))
     found: Any = places_of(DEMANDS._replace(aircraft=3, grid=1, seed=8), PLAIN).margin[1:]
     assert list(found) == [(PLAIN, (8, FOR_SEARCH, n)) for n in range(3)]
-    assert len(places_of(Demands(airframe=AIRFRAME, values=VALUES), PLAIN).margin) == 27 + 6
+    usual = places_of(Demands(airframe=AIRFRAME, values=VALUES), PLAIN)
+    assert len(usual.margin) == 27 + 6
+    assert usual.turbulence.intensity == 0.03
+    assert DEMANDS.grid == 3
 
 
 def test_a_drawn_aircraft_is_asked_near_the_usual_speed_and_lean() -> None:

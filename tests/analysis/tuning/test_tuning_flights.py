@@ -89,9 +89,11 @@ def test_a_lateness_is_flown_in_whole_ticks(
 def flown_whole(
     monkeypatch: pytest.MonkeyPatch, ticks: int, ended: str = "", step_hz: float = 100.0
 ) -> DrawnFlight:
-    """Off the line by 1 m until 8 s, by 0.1 m from then on; to the side and banked likewise."""
+    """Off the line by 4 m at first, by 1 m until 8 s and by 0.1 m from then on; to the side and
+    banked likewise."""
     x0, z0, eta = line_of(VALUES)
     off = np.where(np.arange(ticks) < 8.0 * step_hz, 1.0, 0.1)
+    off[0] = 4.0
     columns = {
         "x_m": x0 - off * sin(eta) + 3.0 * cos(eta),
         "z_m": z0 + off * cos(eta) + 3.0 * sin(eta),
@@ -125,7 +127,7 @@ def test_of_a_flight_that_ended_before_all_counts(monkeypatch: pytest.MonkeyPatc
     found = flown_whole(monkeypatch, 800, "disengaged: too low")
     assert not found.up
     assert (found.duration_s, found.ended) == (8.0, "too low")
-    assert found.rms_e_rho_m == pytest.approx(1.0)
+    assert found.rms_e_rho_m == pytest.approx(sqrt((16.0 + 799.0) / 800.0))
     one_more = flown_whole(monkeypatch, 801, "too low")
     assert one_more.rms_e_rho_m == pytest.approx(0.1)
 
