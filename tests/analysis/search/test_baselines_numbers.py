@@ -244,6 +244,15 @@ def test_extremum_seeking_rests_after_four_periods_of_which_two_were_calm() -> N
     assert before.x_m == pytest.approx(-4.0 + AMPLITUDE_M * sin(OMEGA * steps * DT_S))
 
 
+def test_extremum_seeking_is_calm_from_its_first_look_on_and_not_before() -> None:
+    """Two periods of calm, where four have gone by: 150.8 looks."""
+    seeking = ExtremumSeeking(seen())
+    seeking.time = 4.0 * PERIOD_S
+    places = [looked(seeking, 1).target.x_m for _ in range(155)]
+    assert len(set(places[:150])) == 150
+    assert len(set(places[150:])) == 1
+
+
 def test_extremum_seeking_goes_on_where_it_was_calm_for_less_than_two_periods() -> None:
     seeking = ExtremumSeeking(seen())
     steps = int(2.0 * PERIOD_S / DT_S)

@@ -25,6 +25,7 @@ from tgl_soar.analysis.search.episode import (
 from tgl_soar.analysis.search.places import SearchPlace, place
 from tgl_soar.analysis.search.steered_flight import COLUMN
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.config.parameters import PARAMETERS, ParameterError
 from tgl_soar.control.search.glimpse import GIVEN_UP, LOOKING, NO_PLACE, SOARING, LineRequest
 from tgl_soar.control.search.lift_search import Sighting
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
@@ -252,6 +253,13 @@ def test_a_parameter_that_is_already_so_is_no_change() -> None:
     assert flight._changes == 1
     assert flight.values["SRCH_START"] == 2.0
     assert flight._laws is not laws
+
+
+def test_in_flight_no_parameter_may_be_set_that_waits_for_a_restart() -> None:
+    flight = new(0.1)
+    fixed = next(each for each in PARAMETERS if not each.in_flight)
+    with pytest.raises(ParameterError, match="not while flying"):
+        flight.set({fixed.name: 0.5 * (fixed.minimum + fixed.maximum)})
 
 
 # --- the aircraft at a place ----------------------------------------------------------------------

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from functools import cache
 from math import isclose, pi, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
 
+from tgl_soar.analysis.experiments.aircraft import drawn_airframes as module
 from tgl_soar.analysis.experiments.aircraft.drawn_airframes import DrawnAirframe, drawn_airframe
 from tgl_soar.config.files import load_airframe, shipped
 
@@ -109,6 +110,31 @@ def test_the_figures_follow_from_what_was_drawn(i: int) -> None:
     assert drawn.airframe.polar.speed_max_mps == pytest.approx(1.3 * best_mps, rel=0.02)
     assert drawn.airframe.parameters == {}
     assert bench.name == f"drawn, {of.span_m:.2f} m, {of.loading_npm2:.0f} N/m²"
+
+
+def test_no_wing_is_drawn_that_would_stall_at_its_best_glide(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beside as many even draws of the same ranges: all those whose best glide is 0.06 rad below
+    the stall are taken, and no others."""
+    monkeypatch.setattr(module, "_airframe", lambda _usual, draw, _sides: draw)
+    drawn = [cast("Any", drawn_airframe(USUAL, (3, i)).airframe) for i in range(600)]
+
+    def room_rad(aspect: Any, lift: Any, camber: Any, stall_rad: Any) -> Any:
+        """From the best glide's angle of attack to the stall's."""
+        return stall_rad - (lift - camber) * (1.0 / 6.0 + 1.0 / (pi * aspect))
+
+    room = np.array([room_rad(d.aspect, d.best_lift, d.camber, d.stall_rad) for d in drawn])
+    assert 0.06 <= room.min() < 0.063
+    even = np.random.default_rng(1).uniform(size=(4, 20_000))
+    of = [RANGES[name] for name in ("aspect", "best_lift", "camber", "stall_rad")]
+    wide = room_rad(
+        *(low + (high - low) * each for (low, high), each in zip(of, even, strict=True))
+    )
+    taken = wide[wide >= 0.06]
+    assert 0.9 < len(taken) / len(wide) < 0.99
+    # Their mean is known to a twentieth of their spread.
+    assert room.mean() == pytest.approx(taken.mean(), abs=0.2 * taken.std())
 
 
 SIDES = ("Cl_beta", "Cl_p", "Cl_r", "Cl_aileron", "Cn_beta", "Cn_r", "Cn_rudder")
