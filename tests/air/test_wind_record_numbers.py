@@ -356,3 +356,12 @@ def test_a_record_is_written_to_the_millimetre_and_the_hundredth_of_a_degree(
     )
     write_wind_record(file, record)
     assert file.read_text() == HEAD + "0,7.123,-12.35\n2.5,60.000,0.00\n"
+
+
+def test_rows_of_a_long_record_stay_apart(tmp_path: Path) -> None:
+    """Twelve days of half seconds: a time has more digits than six."""
+    file = tmp_path / "wind.csv"
+    times = [0.0, 999_999.5, 1_000_000.0, 1_000_000.5]
+    flat = Schedule(times, [8.0] * 4), Schedule(times, [0.0] * 4)
+    write_wind_record(file, WindRecord(*flat))
+    assert list(read_wind_record(file).wind_mps.times_s) == times

@@ -120,7 +120,7 @@ def write_wind_record(path: Path, record: WindRecord) -> None:
         for time_s, wind, veer in zip(
             record.wind_mps.times_s, record.wind_mps.values, record.veer_rad.values, strict=True
         ):
-            writer.writerow((f"{time_s:g}", f"{wind:.3f}", f"{degrees(veer):.2f}"))
+            writer.writerow((f"{time_s:.10g}", f"{wind:.3f}", f"{degrees(veer):.2f}"))
 
 
 # --- a synthetic one --------------------------------------------------------------------------

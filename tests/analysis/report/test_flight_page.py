@@ -297,13 +297,23 @@ def test_what_was_lost_and_what_is_missing_are_listed_apart() -> None:
 
 
 def test_figures_stand_in_their_places_between_the_tables() -> None:
-    names = ["plane", "places", "point", "longitudinal", "lateral", "spectra", "loop", "health"]
+    names = [
+        "plane", "places", "point", "survey", "longitudinal", "lateral", "spectra", "loop", "health"
+    ]  # fmt: skip
     events = (Event(1.0, "message", "hello"),)
     made = analysis(FlightData("x", "y", events=events), legs=[leg()], missing=("air",))
     text = page_text(made, {name: f"[{name}]" for name in names})
     order = ["<header>", "<aside", "[plane]", "Leg by leg", *(f"[{name}]" for name in names[1:])]
     places = [text.index(word) for word in [*order, "Events", "<footer>"]]
     assert places == sorted(places)
+
+
+def test_every_figure_that_is_drawn_is_on_the_page() -> None:
+    made = analysis()
+    drawn = [name for name, *_ in module._wanted(made)]
+    assert len(drawn) == len(set(drawn)) >= 9
+    text = page_text(made, {name: f"[{name}]" for name in drawn})
+    assert [name for name in drawn if text.count(f"[{name}]") != 1] == []
 
 
 def test_the_first_cell_of_a_row_names_it_and_words_have_a_table_of_their_own() -> None:

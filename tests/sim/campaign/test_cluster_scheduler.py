@@ -132,13 +132,19 @@ def test_without_a_worker_it_is_said_how_to_start_one(scheduler: Scheduler) -> N
 
 
 @pytest.mark.parametrize(
-    "error", [OSError("refused"), TimeoutError("late"), ValueError("bad address")]
+    ("error", "why"),
+    [
+        (OSError("refused"), "refused"),
+        (TimeoutError("late"), "late"),
+        (TimeoutError(), "in vain"),
+        (ValueError("bad address"), "bad address"),
+    ],
 )
 def test_who_does_not_answer_is_named_with_what_to_do(
-    scheduler: Scheduler, error: Exception
+    scheduler: Scheduler, error: Exception, why: str
 ) -> None:
     scheduler.error = error
-    said = f"{ADDRESS}: no scheduler answers: {error}; nothing has"
+    said = f"{ADDRESS}: no scheduler answers: {why}; nothing has"
     with pytest.raises(ClusterError, match=f"{said} been flown; start one with `dask scheduler`"):
         DaskCluster(ADDRESS)
 

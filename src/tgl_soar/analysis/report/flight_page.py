@@ -336,6 +336,7 @@ def page_text(analysis: Analysis, figures: dict[str, str]) -> str:
         legs,
         figures.get("places", ""),
         figures.get("point", ""),
+        figures.get("survey", ""),
         figures.get("longitudinal", ""),
         figures.get("lateral", ""),
         figures.get("spectra", ""),

@@ -43,8 +43,8 @@ class SteeredFlight:
         *,
         plain: bool = False,
     ) -> None:
-        """polar: as the module is given it; seed: of gusts and sensors; plain: nothing compiled, a
-        hundred times as long.
+        """polar: as the module is given it; seed: of gusts and sensors; plain: no function
+        compiled, a hundred times as long; the sensors' delay lines are numba's lists even so.
 
         Errors: ValueError for a world that has already been stepped; ImportError without numba.
         """

@@ -111,7 +111,7 @@ class DaskCluster:
             return Client(self._scheduler, timeout=patience_s, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise ClusterError(
-                f"{self._scheduler}: no scheduler answers: {error or 'in vain'}; {so_far}"
+                f"{self._scheduler}: no scheduler answers: {str(error) or 'in vain'}; {so_far}"
             ) from None
 
 
