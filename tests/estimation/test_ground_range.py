@@ -274,6 +274,16 @@ def test_a_frozen_one_is_found_before_it_has_moved_anything_far() -> None:
     assert isnan(sensor.found.bound_m)
 
 
+@pytest.mark.parametrize(("sunk_m", "standing"), [(0.07, RANGE_USED), (0.13, RANGE_FROZEN)])
+def test_the_same_reading_again_is_frozen_from_a_tenth_of_a_metre_on(
+    sunk_m: float, standing: int
+) -> None:
+    sensor = Sensor().fly(1.0)
+    sensor.fly(1.0, reading=lambda _t, _r: HEIGHT_M, height_m=lambda t: HEIGHT_M - sunk_m * t)
+    sensor.fly(0.5, reading=lambda _t, _r: HEIGHT_M, height_m=lambda _: HEIGHT_M - sunk_m)
+    assert sensor.state.standing == standing
+
+
 def test_refusing_is_reported_after_a_second() -> None:
     sensor = Sensor().fly(1.0)
     sensor.fly(REFUSED_S - 0.1, reading=lambda _t, _r: 0.3)

@@ -305,3 +305,16 @@ def test_whatever_comes_positions_are_finite_in_order_and_of_a_named_source(
             assert now - 1.0 <= position.time_s <= now + 0.05
             assert position.source == source == sources.chosen
         assert sources.position.sequence == sequence
+
+
+@pytest.mark.parametrize(
+    ("every_s", "silent_s"), [(0.2, 0.6), (0.1, 0.3), (0.03, 0.15), (0.5, 1.0)]
+)
+def test_a_source_may_be_silent_for_three_of_its_periods(every_s: float, silent_s: float) -> None:
+    """A fast one for SILENCE_S, and none for longer than a fix may be old."""
+    sources = PositionSources((MOCAP,))
+    for i in range(1, 12):
+        sources.take(MOCAP, fix(i * every_s, float(i)), i * every_s)
+    last_s = 11 * every_s
+    assert sources.is_fresh(MOCAP, last_s + silent_s - 1e-3)
+    assert not sources.is_fresh(MOCAP, last_s + silent_s + 1e-3)

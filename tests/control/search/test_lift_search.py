@@ -237,6 +237,19 @@ def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Gr
     return look
 
 
+def test_rollouts_fly_through_air_a_little_beyond_both_ends_of_the_polar() -> None:
+    task = SearchTask(
+        fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
+        ground=GUARDS.ground,
+        polar=POLAR,
+        clearance_min_m=1.0,
+        line=GUARDS.line,
+    )
+    guards = guards_of(task)
+    assert guards.speed_min_mps == pytest.approx(POLAR.speed_min_mps - 0.3)
+    assert guards.speed_max_mps == pytest.approx(POLAR.speed_max_mps + 1.0)
+
+
 @pytest.mark.parametrize(("x_m", "low_m"), [(-30.0, 1.5), (0.0, 5.0**0.5)])
 def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
     x_m: float, low_m: float
