@@ -5,11 +5,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import cos, pi, sin
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hill_drawn import (
+    BOARD,
+    BOUNDS,
+    HEAVY,
+    HILL,
+    PATH,
+    POLAR,
+    STEP_M,
+    STRONGER,
+    empty_axes,
+    keeping,
+    labelled,
+    words,
+)
 
 pytest.importorskip("matplotlib")
 
@@ -20,44 +33,17 @@ from tgl_soar.analysis.report.field_figure import DrawnPlace
 from tgl_soar.analysis.report.figure_style import PALETTE
 from tgl_soar.analysis.report.positions_figure import MarkedPlace
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine, draw_excess_map, draw_line
-from tgl_soar.types import GlidePolar
-
-POLAR = GlidePolar(c0=17.7, c1=-3.6, c2=0.2, c3=0.0, speed_min_mps=6.8, speed_max_mps=11.5)
-HEAVY = POLAR._replace(c0=POLAR.c0 + 8.0)  # sinks everywhere
-HILL, STRONGER = HillField(8.0, 20.0), HillField(8.5, 20.0)
-BOUNDS = (-60.0, 0.0, 1.0, 50.0)
-STEP_M = 60.0 / 120.0  # of the contour
-PATH = Path("figure.png")
-BOARD = [(-20.0, 0.0), (0.0, 20.0), (0.0, 0.0)]
 
 
 @pytest.fixture
 def kept(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """Figures instead of files."""
-    figures: list[Any] = []
-    for module in (field_figure, positions_figure, zeuc_figure):
-        monkeypatch.setattr(module, "save", lambda _plt, figure, _path: figures.append(figure))
-    yield figures
-    import matplotlib.pyplot as plt
-
-    plt.close("all")
+    yield from keeping(monkeypatch, field_figure, positions_figure, zeuc_figure)
 
 
 @pytest.fixture
 def axes() -> Iterator[Any]:
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots()
-    yield axes
-    plt.close(figure)
-
-
-def words(legend: Any) -> list[str]:
-    return [text.get_text() for text in legend.get_texts()]
-
-
-def labelled(axes: Any, label: str) -> list[Any]:
-    return [line for line in axes.lines if line.get_label() == label]
+    yield from empty_axes()
 
 
 # --- excess updraft -----------------------------------------------------------------------------
