@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from identified_aircraft import BODY, GRAVITY_MPS2, TRUE
 from scipy.integrate import solve_ivp
 from scipy.stats import t as student
 
@@ -28,28 +29,6 @@ from tgl_soar.analysis.identification import (
 from tgl_soar.analysis.manoeuvres import LongitudinalLog
 
 STEP_S = 0.01
-GRAVITY_MPS2 = 9.80665
-BODY = KnownAircraft(
-    mass_kg=0.7,
-    wing_area_m2=0.18,
-    chord_m=0.16,
-    iyy_kgm2=0.02,
-    air_density_kgpm3=1.2,
-    servo_lag_radps=30.0,
-    servo_rate_per_s=8.0,
-)
-TRUE = {
-    "CL0": 0.35,
-    "CL_alpha": 5.0,
-    "CL_elevator": -0.12,
-    "Cm0": 0.02,
-    "Cm_alpha": -0.5,
-    "Cm_q": -9.0,
-    "Cm_elevator": 0.3,
-    "delay": 0.033,
-    "CL_brake": -0.2,
-    "Cm_brake": 0.05,
-}
 DOUBLETS = 4
 APART_S = 2.5
 HELD_OUT = [3]  # every fourth

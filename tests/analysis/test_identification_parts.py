@@ -8,32 +8,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from identified_aircraft import BODY, GRAVITY_MPS2
+from identified_aircraft import TRUE as DERIVATIVES
 
 from tgl_soar.analysis import identification as module
 from tgl_soar.analysis.identification import (
+    BRAKE_NAMES,
     COLOUR_S,
     DELAY_MAX_S,
     NAMES,
     Fit,
-    KnownAircraft,
     _Point,
     _Problem,
     short_period,
 )
 from tgl_soar.analysis.manoeuvres import QUIET_S, STEP_S, LongitudinalLog
 
-BODY = KnownAircraft(
-    mass_kg=0.7,
-    wing_area_m2=0.18,
-    chord_m=0.16,
-    iyy_kgm2=0.02,
-    air_density_kgpm3=1.2,
-    servo_lag_radps=30.0,
-    servo_rate_per_s=8.0,
-)
-GRAVITY_MPS2 = 9.80665
-TRUE = (0.35, 5.0, -0.12, 0.02, -0.5, -9.0, 0.3, 0.033)
-BRAKED = (-0.2, 0.05)
+TRUE = tuple(DERIVATIVES[name] for name in NAMES)
+BRAKED = tuple(DERIVATIVES[name] for name in BRAKE_NAMES)
 WARM = round(QUIET_S / STEP_S)
 ROWS = [slice(WARM + 40, WARM + 80), slice(WARM + 110, WARM + 135)]
 COUNT = WARM + 150

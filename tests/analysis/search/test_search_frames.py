@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from test_map_from_log import SITE, hovering, task
 
+from tgl_soar.air.field import WindField
 from tgl_soar.analysis.logs.flight_data import FlightData, Series
 from tgl_soar.analysis.search import map_from_log as e
 from tgl_soar.analysis.search.figures import true_excess
 from tgl_soar.analysis.search.places import SearchPlace, place
 from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import LineTracking
 from tgl_soar.sim.world import build_field
 
@@ -137,14 +139,24 @@ def test_a_log_that_lacks_a_part_has_no_glimpse(part: str) -> None:
 # --- frames ---------------------------------------------------------------------------------------
 
 
-def test_frames_are_of_0_6_and_2_and_5_and_10_seconds_after_the_first_reading(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    drawn: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(e, "search_figure", lambda *given: drawn.append(given))
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
+    """What figures are made of."""
+    given: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(e, "search_figure", lambda *parts: given.append(parts))
+    return given
+
+
+def site_and_field() -> tuple[Site, WindField]:
     site = load_site(SITE)
     assert site.air is not None
-    field = build_field(site.air, SITE.parent)
+    return site, build_field(site.air, SITE.parent)
+
+
+def test_frames_are_of_0_6_and_2_and_5_and_10_seconds_after_the_first_reading(
+    drawn: list[tuple[Any, ...]], tmp_path: Path
+) -> None:
+    site, field = site_and_field()
     glimpses = e.glimpses_of(hovering(6.5), 0.0, 6.5)
     assert e.map_figure(tmp_path / "a.png", glimpses, task(), site, field)
     ((path, episode, snapshots, polar, x_m, z_m),) = drawn
@@ -169,13 +181,9 @@ def test_frames_are_of_0_6_and_2_and_5_and_10_seconds_after_the_first_reading(
 
 
 def test_a_flight_that_ends_before_the_first_frame_is_not_drawn(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    drawn: list[tuple[Any, ...]], tmp_path: Path
 ) -> None:
-    drawn: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(e, "search_figure", lambda *given: drawn.append(given))
-    site = load_site(SITE)
-    assert site.air is not None
-    field = build_field(site.air, SITE.parent)
+    site, field = site_and_field()
     for seconds, some in ((0.7, False), (0.9, True)):
         glimpses = e.glimpses_of(hovering(seconds), 0.0, seconds)
         assert e.map_figure(tmp_path / "a.png", glimpses, task(), site, field) is some

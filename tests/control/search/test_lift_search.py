@@ -213,15 +213,19 @@ def test_it_gives_up_while_there_is_height_to_land() -> None:
     assert after(1.0, poor, over_ground_m=1.79).status == LOOKING
 
 
-def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Ground) -> Sighting:
-    """Of a glimpse in a wide fence; CLEAR_MIN is 1 m."""
-    task = SearchTask(
+def task(ground: Ground) -> SearchTask:
+    """In a wide fence; CLEAR_MIN is 1 m."""
+    return SearchTask(
         fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
         ground=ground,
         polar=POLAR,
         clearance_min_m=1.0,
         line=GUARDS.line,
     )
+
+
+def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Ground) -> Sighting:
+    """Of a glimpse by that task."""
     glimpse = Glimpse(
         before=before,
         now=now,
@@ -232,20 +236,13 @@ def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Gr
         seeks=True,
         refused=False,
     )
-    look = sighting_of(guards_of(task), glimpse)
+    look = sighting_of(guards_of(task(ground)), glimpse)
     assert look is not None
     return look
 
 
 def test_rollouts_fly_through_air_a_little_beyond_both_ends_of_the_polar() -> None:
-    task = SearchTask(
-        fence=Fence(x_min_m=-40.0, x_max_m=20.0, y_max_m=10.0, z_min_m=-60.0, z_max_m=60.0),
-        ground=GUARDS.ground,
-        polar=POLAR,
-        clearance_min_m=1.0,
-        line=GUARDS.line,
-    )
-    guards = guards_of(task)
+    guards = guards_of(task(GUARDS.ground))
     assert guards.speed_min_mps == pytest.approx(POLAR.speed_min_mps - 0.3)
     assert guards.speed_max_mps == pytest.approx(POLAR.speed_max_mps + 1.0)
 
