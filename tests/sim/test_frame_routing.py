@@ -196,6 +196,9 @@ def test_the_target_of_manual_control_is_a_system(router: Router) -> None:
     """Its field is called target."""
     control = mavlink.MAVLink_manual_control_message(255, 0, 0, 0, 0, 0)
     assert router.route(2, framed(control, 1, 191), *OURS) == ([1], False)
+    # It names no component: all of the system are meant.
+    control = mavlink.MAVLink_manual_control_message(SYSTEM, 0, 0, 0, 0, 0)
+    assert router.route(1, framed(control, 255, 190), *OURS) == ([2], True)
 
 
 def test_what_is_for_us_goes_no_further(router: Router) -> None:
