@@ -65,6 +65,18 @@ def test_the_short_decimal_is_the_same_float(value: float) -> None:
         assert len(digits) <= 9
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.1, "0.1"), (123.456, "123.456"), (1234.567, "1234.567"), (1.0 / 3.0, "0.33333334")],
+)
+def test_no_more_digits_are_written_than_tell_the_value(value: float, text: str) -> None:
+    """Of six, seven and eight the first that reads back as the same 32-bit float."""
+    wire = as_wire_value(value)
+    assert shortest(wire) == text
+    fewer = len(text.replace("0.", "").replace(".", "")) - 1
+    assert fewer < 6 or as_wire_value(float(f"{wire:.{fewer}g}")) != wire
+
+
 def test_the_rows_are_those_of_each_ground_station() -> None:
     values = [("TGL_X", as_wire_value(0.1)), ("LOOP_RATE", 200.0)]
     assert written(values, MAVPROXY) == "TGL_X            0.1\nLOOP_RATE        200\n"
@@ -146,6 +158,14 @@ def test_a_file_of_bad_lines_is_reported_briefly() -> None:
     with pytest.raises(ParameterFileError) as caught:
         read_text("x\n" * 1000, "f")
     assert len(str(caught.value).splitlines()) == 21
+    assert str(caught.value).endswith("\nand 980 lines more")
+    with pytest.raises(ParameterFileError) as caught:
+        read_text("x\n" * 21, "f")
+    assert str(caught.value).endswith("\nand 1 lines more")
+    with pytest.raises(ParameterFileError) as caught:
+        read_text("x\n" * 20, "f")
+    lines = str(caught.value).splitlines()
+    assert (len(lines), lines[-1][:5]) == (20, "f:20:")
 
 
 @given(st.text(max_size=300))
@@ -192,6 +212,8 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     huge.write_bytes(b"#" * 1_000_001)
     with pytest.raises(ParameterFileError, match="too long"):
         read_file(huge)
+    huge.write_bytes(b"#" * 1_000_000)
+    assert read_file(huge).values == {}
 
 
 def test_the_name_of_a_file_tells_its_format() -> None:
