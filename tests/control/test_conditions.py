@@ -18,10 +18,11 @@ from tgl_soar.control.envelope import MARGIN_FULL, OUT_SIDE, Margins
 from tgl_soar.control.laws import laws_from
 from tgl_soar.control.pid import PidState
 from tgl_soar.control.soaring import SoaringState
-from tgl_soar.control.target_line import LineTracking, eta_from_lean
+from tgl_soar.control.target_line import LineState, LineTracking, eta_from_lean
 from tgl_soar.estimation import health as h
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import (
+    NO_AIR,
     NO_ATTITUDE,
     NO_FIX,
     AutopilotStatus,
@@ -208,6 +209,41 @@ def test_a_line_needs_an_upstream_side_and_a_place_inside_the_fence() -> None:
         assert c.line_valid(LAWS._replace(target=target)) == valid, lean_deg
     fence = LAWS.fence._replace(x_min_m=LAWS.target.x_m + 0.1)
     assert not c.line_valid(LAWS._replace(fence=fence))
+
+
+@pytest.mark.parametrize("mode", range(s.BEATING + 1))
+def test_a_jump_near_the_line_is_unsettled_in_a_young_mode_on_it_alone(mode: int) -> None:
+    """A fifth of a second is the least that a mode on the line lasts."""
+    line = LineState(x_m=0.0, z_m=10.0, eta_rad=0.5 * pi, speed_mps=0.0, moving=False)
+    most = GUARDS.e_rho_max_m
+
+    def unsettled(since_s: float = 49.9, off_m: float = 0.0, jump_s: float = 50.0) -> bool:
+        flown = s.initial_supervisor()._replace(mode=mode, since_s=since_s)
+        return c.jumps_unsettled(GUARDS, flown, line, LEVEL._replace(x_m=off_m), jump_s)
+
+    on_it = mode in (s.CAPTURING, s.SOARING, s.SEARCHING)
+    assert unsettled() is on_it
+    assert unsettled(49.81) is on_it
+    assert not unsettled(49.79)
+    for sign in (1.0, -1.0):
+        assert unsettled(off_m=0.99 * sign * most) is on_it
+        assert not unsettled(off_m=1.01 * sign * most)
+    assert not unsettled(jump_s=49.99)  # it was before
+    assert not unsettled(jump_s=nan)
+
+
+@pytest.mark.parametrize("mode", range(s.BEATING + 1))
+def test_what_is_foreseen_is_of_a_line_that_is_flown(mode: int) -> None:
+    """In other modes it begins anew."""
+    line = LineState(x_m=0.0, z_m=10.0, eta_rad=1.8, speed_mps=0.0, moving=False)
+    feels = NO_AIR._replace(wind_mps=9.0, wind_sigma_mps=0.2, updraft_mps=0.8, airspeed_mps=9.0)
+    laws = LAWS._replace(forecast=LAWS.forecast._replace(act=f.REPORT))
+    state = f.initial_forecast()
+    for n in range(3):
+        vehicle = LEVEL._replace(time_s=50.0 + 0.01 * n)
+        state = c.forecast_of(laws, mode, state, line, vehicle, feels, SURE)
+    follows = mode in (s.CAPTURING, s.SOARING, s.SEARCHING)
+    assert (repr(state) != repr(f.initial_forecast())) is follows
 
 
 def doomed(ahead_s: float = 3.0) -> f.Forecast:

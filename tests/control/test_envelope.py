@@ -39,6 +39,7 @@ from tgl_soar.control.envelope import (
     outside,
     pitch_within,
     stall_margin,
+    unlimited,
 )
 from tgl_soar.types import (
     GROUND_POINTS,
@@ -256,6 +257,19 @@ def test_a_mode_that_does_not_fly_puts_nothing_out() -> None:
         brake_max=1.0,
         finite=True,
         cut=CUT_MODE,
+    )
+
+
+def test_a_command_of_which_nothing_is_cut_is_blocked_nowhere() -> None:
+    command = SurfaceCommand(0.1, -0.2, 0.3, 0.4)
+    assert unlimited(command) == Limited(
+        command=command,
+        elevator_blocked=0,
+        aileron_blocked=0,
+        brake_blocked=0,
+        brake_max=1.0,
+        finite=True,
+        cut=0,
     )
 
 
