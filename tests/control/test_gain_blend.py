@@ -55,6 +55,13 @@ def test_the_share_follows_and_stays_within_its_rates(flags: list[bool], dt: flo
         weight = after
 
 
+def test_it_comes_in_half_a_second_and_goes_in_a_tenth() -> None:
+    assert weight_step(0.3, True, 0.1) == pytest.approx(0.5)
+    assert weight_step(0.9, True, 0.1) == 1.0
+    assert weight_step(0.7, False, 0.01) == pytest.approx(0.6)
+    assert weight_step(0.05, False, 0.01) == 0.0
+
+
 def test_the_share_arrives_and_leaves_faster_than_it_came() -> None:
     weight, up, down = 0.0, 0, 0
     while weight < 1.0:
