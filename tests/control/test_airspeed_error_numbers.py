@@ -54,7 +54,8 @@ def test_a_step_follows_the_nose_in_six_tenths_and_forgets_in_ten_seconds() -> N
 
 def test_the_error_is_the_slope_of_what_is_left_over_the_nose() -> None:
     """Least squares with a mean of its own, and an error of 1.5 m/s expected beforehand."""
-    random, state, rows = Random(3), NO_AIRSPEED_ERROR, []
+    random, state = Random(3), NO_AIRSPEED_ERROR
+    rows: list[tuple[float, float, float]] = []
     for _ in range(60):
         before = state
         state = step(state, random.uniform(-0.6, 0.6), random.uniform(-2.0, 2.0), 1.5)

@@ -22,7 +22,6 @@ from tgl_soar.control.survey import (
     LOOK_S,
     NEAR_STALL,
     NOT_HELD,
-    ODD_S,
     OFF_LINE,
     REACHED,
     REFUSED,
@@ -197,12 +196,12 @@ def test_its_target_is_never_far_ahead_and_the_line_never_brakes_on_its_way() ->
 
 def test_it_rests_before_it_starts_and_where_it_turns() -> None:
     slide = Slide()
-    slide.run(REST_S - LOOK_S)
+    slide.run(4.8)
     assert slide.line.x_m == 0.0
     while slide.state.standing == DOWNSTREAM:
         slide.step()
     there = slide.line
-    slide.run(REST_S - LOOK_S)
+    slide.run(4.8)
     assert abs(slide.line.x_m - there.x_m) < 0.01  # but for braking
     slide.run(2.0)
     assert slide.line.x_m < there.x_m - 0.05
@@ -297,7 +296,7 @@ def test_what_is_odd_sends_it_home_and_stops_it_where_it_lasts(
     assert (slide.state.standing, slide.state.reason) == (HOMEWARD, reason)
     assert is_cut_short(slide.state)
     odd = lasts
-    slide.run(ODD_S + 0.5)
+    slide.run(10.5)
     if lasts:
         assert (slide.state.standing, slide.state.reason) == (STOPPED, reason)
         assert slide.state.target.x_m == slide.line.x_m

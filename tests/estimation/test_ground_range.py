@@ -10,14 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgl_soar.estimation import ground_range
 from tgl_soar.estimation.ground_range import (
-    CORRECTION_MPS,
-    MOST_GATES,
     NO_GROUND_RANGE,
     NO_RANGE_STATE,
     PROOF_BAND_M,
     PROOF_M,
-    PROOF_S,
     RANGE_BOUNDS,
     RANGE_CORRECTS,
     RANGE_FAR_OFF,
@@ -27,7 +25,6 @@ from tgl_soar.estimation.ground_range import (
     RANGE_TILTED,
     RANGE_UNUSED,
     RANGE_USED,
-    REFUSED_S,
     GroundRange,
     RangeGains,
     RangeState,
@@ -153,7 +150,7 @@ def test_in_flight_a_drift_is_followed_no_faster_than_a_line_slides() -> None:
     sensor = Sensor().fly(1.0, flying=False)
     before = sensor.found.correction_m
     sensor.fly(2.0, bias_m=lambda _: 1.5)
-    assert abs(sensor.found.correction_m - before) <= 2.0 * CORRECTION_MPS + 1e-9
+    assert abs(sensor.found.correction_m - before) <= 2.0 * 0.3 + 1e-9
     sensor.fly(20.0, bias_m=lambda _: 1.5)
     assert sensor.found.correction_m == pytest.approx(-1.5, abs=0.05)
 
@@ -286,7 +283,7 @@ def test_the_same_reading_again_is_frozen_from_a_tenth_of_a_metre_on(
 
 def test_refusing_is_reported_after_a_second() -> None:
     sensor = Sensor().fly(1.0)
-    sensor.fly(REFUSED_S - 0.1, reading=lambda _t, _r: 0.3)
+    sensor.fly(0.9, reading=lambda _t, _r: 0.3)
     assert not sensor.found.refused
     sensor.fly(0.2, reading=lambda _t, _r: 0.3)
     assert sensor.found.refused
@@ -370,7 +367,7 @@ def test_nearer_ground_that_stays_while_the_aircraft_moves_is_a_bound_and_no_mor
     ground: Ground,
 ) -> None:
     """Ground 7.8 m nearer, 2.2 m below, over none that is known; 4.5 m nearer over a known one.
-    The proof takes PROOF_S, and until the height has gone through PROOF_M: here 4 s at the most."""
+    The proof takes 2 s, and until the height has gone through 1 m: here 4 s at the most."""
     nearer_m = 4.5 if ground.points else 7.8
 
     def over(since_s: float) -> float:
@@ -378,7 +375,7 @@ def test_nearer_ground_that_stays_while_the_aircraft_moves_is_a_bound_and_no_mor
 
     sensor = Sensor(ground=ground).fly(1.0, height_m=swaying)
     began = sensor.found.correction_m
-    sensor.fly(PROOF_S - 0.1, bias_m=lambda _: nearer_m, height_m=over)
+    sensor.fly(1.9, bias_m=lambda _: nearer_m, height_m=over)
     assert sensor.state.standing == RANGE_FAR_OFF
     sensor.fly(6.0, bias_m=lambda _: nearer_m, height_m=over)
     assert sensor.state.standing == RANGE_USED
@@ -454,6 +451,43 @@ def test_the_band_is_too_narrow_for_what_is_stuck() -> None:
     assert PROOF_M > 2.0 * PROOF_BAND_M + 6.0 * 0.03
 
 
+@pytest.mark.parametrize(
+    ("off_m", "known", "since_s", "high_m", "proven"),
+    [
+        (-4.0, True, 2.01, 10.01, True), (-4.0, True, 1.99, 10.01, False),
+        (-4.0, True, 2.01, 9.99, False), (-5.9, True, 2.01, 10.01, True),
+        (-6.1, True, 2.01, 10.01, False), (0.1, True, 2.01, 10.01, False),
+        (-6.1, False, 2.01, 10.01, True), (0.1, False, 2.01, 10.01, True),
+    ],
+)  # fmt: skip
+def test_a_difference_is_proven_after_two_seconds_and_a_metre_of_height(
+    off_m: float, known: bool, since_s: float, high_m: float, proven: bool
+) -> None:
+    """And over a known ground within two gates of 3 m, nearer."""
+    state = NO_RANGE_STATE._replace(
+        measured_s=50.0, proof_s=50.0 - since_s, proof_low_m=9.0, proof_high_m=high_m
+    )
+    assert ground_range._is_proven(3.0, known, state, off_m) is proven
+
+
+@pytest.mark.parametrize(("off_m", "stays"), [(4.29, True), (3.71, True), (4.31, False),
+                                              (3.69, False)])  # fmt: skip
+def test_a_proof_goes_on_within_three_tenths_of_a_metre(off_m: float, stays: bool) -> None:
+    before = NO_RANGE_STATE._replace(
+        measured_s=49.9, proof_s=48.0, proof_off_m=4.0, proof_low_m=9.0, proof_high_m=10.0
+    )
+    for height_m, low_m, high_m in ((8.5, 8.5, 10.0), (9.5, 9.0, 10.0), (10.5, 9.0, 10.5)):
+        after = ground_range._with_proof(before, 50.0, off_m, height_m)
+        kept = (48.0, 4.0, low_m, high_m) if stays else (50.0, off_m, height_m, height_m)
+        found = (after.proof_s, after.proof_off_m, after.proof_low_m, after.proof_high_m)
+        assert found == kept
+        # After a gap of half a second it begins anew.
+        for gap_s, goes_on in ((0.49, stays), (0.51, False)):
+            late = before._replace(measured_s=50.0 - gap_s)
+            again = ground_range._with_proof(late, 50.0, off_m, height_m)
+            assert (again.proof_s, again.measured_s) == (48.0 if goes_on else 50.0, 50.0)
+
+
 def test_a_jump_of_the_position_begins_again() -> None:
     sensor = Sensor().fly(1.0, bias_m=lambda _: 1.0, flying=False)
     sensor.fly(0.1, bias_m=lambda _: 2.0, jumped=True)
@@ -475,7 +509,7 @@ def test_a_clock_that_goes_back_begins_it_again() -> None:
 def test_it_never_corrects_by_more_than_its_limits() -> None:
     """However slowly a sensor or a receiver goes wrong: two gates nearer, one farther."""
     nearer = Sensor().fly(300.0, bias_m=lambda t: 0.05 * t)
-    assert nearer.found.correction_m == pytest.approx(-MOST_GATES * CORRECTS.gate_m, abs=0.2)
+    assert nearer.found.correction_m == pytest.approx(-2.0 * CORRECTS.gate_m, abs=0.2)
     farther = Sensor().fly(300.0, bias_m=lambda t: -0.05 * t)
     assert farther.found.correction_m <= CORRECTS.gate_m
 
@@ -521,7 +555,7 @@ def test_whatever_comes_the_correction_is_a_number_within_its_limits(
         sample = RangeSample(sequence, now - age, reading)
         state, found = range_step(gains, ground, state, sample, at, certain, jumped, flying)
         assert isfinite(found.correction_m)
-        assert -MOST_GATES * gains.gate_m <= found.correction_m <= gains.gate_m
+        assert -2.0 * gains.gate_m <= found.correction_m <= gains.gate_m
         assert isnan(found.bound_m) or abs(found.bound_m) < inf
 
 

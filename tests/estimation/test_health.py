@@ -14,7 +14,6 @@ from tgl_soar.estimation import health as h
 from tgl_soar.estimation.health import (
     ATTITUDE_SHIFT,
     FAULT_TEXTS,
-    HEARTBEAT_FUTURE_S,
     HealthLimits,
     HealthState,
     fault_words,
@@ -22,7 +21,6 @@ from tgl_soar.estimation.health import (
     initial_health,
 )
 from tgl_soar.estimation.motion_state import (
-    FUTURE_S,
     LastAttitude,
     LastFix,
     MotionState,
@@ -109,7 +107,7 @@ def test_each_age_has_its_own_limit() -> None:
 
 
 def test_a_clock_mapped_a_little_early_is_no_fault() -> None:
-    found = health(10.0, 10.0 + FUTURE_S, 10.0 + FUTURE_S, 10.0 + HEARTBEAT_FUTURE_S)
+    found = health(10.0, 10.0 + 0.05, 10.0 + 0.05, 10.0 + 1.0)
     assert fresh(found) == (True, True, True)
 
 
@@ -612,9 +610,9 @@ def test_a_brake_is_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_si
     watch.run(128, surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
     assert watch.reported == 0
     watch.run(1, surfaces=out(0.0))
-    watch.run(round(0.9 * h.BRAKE_DEAD_S / DT), surfaces=out(1.0)).run(1, surfaces=out(0.0))
+    watch.run(round(0.9 * 0.3 / DT), surfaces=out(1.0)).run(1, surfaces=out(0.0))
     assert watch.reported == 0
-    watch.run(round(1.1 * h.BRAKE_DEAD_S / DT) + 1, surfaces=out(1.0))
+    watch.run(round(1.1 * 0.3 / DT) + 1, surfaces=out(1.0))
     assert watch.reported == h.BRAKE
 
 
@@ -629,7 +627,7 @@ def test_surfaces_are_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_
     watch.run(256, surfaces=lambda i, k: seen(k, i.time_s, 0.0))
     watch.run(1, surfaces=lambda i, k: seen(k, i.time_s, 1.0))
     odd = watch.k
-    watch.run(round(0.9 * h.STALE_S / DT), surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
+    watch.run(round(0.9 * 1.0 / DT), surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
     assert watch.reported == 0
     assert watch.health.surfaces_answer == 1
     watch.run(1, surfaces=lambda i, k: seen(k, i.time_s, 1.0))
