@@ -130,6 +130,26 @@ def test_it_begins_and_ends_smoothly() -> None:
     assert faded(WHOLE_S - TAIL_S / 2.0) == pytest.approx(0.5)
 
 
+def test_it_fades_in_for_two_seconds_lasts_twenty_and_fades_out_in_one() -> None:
+    times_s = (0.0, 0.5, 1.0, 2.0, 12.0, 22.0, 22.5, 23.0)
+    shares = (0.0, 0.5 - 0.125**0.5, 0.5, 1.0, 1.0, 1.0, 0.5, 0.0)
+    assert [faded(t) for t in times_s] == pytest.approx(list(shares))
+    begun = stepped(0.1)[-1]
+    assert excitation_step(REQUESTED, begun, begun.begun_s + 22.9, DT_S, IDLE).standing == RUNNING
+    assert rests(excitation_step(REQUESTED, begun, begun.begun_s + 23.1, DT_S, IDLE), DONE)
+
+
+@pytest.mark.parametrize(("limited_s", "goes_on"), [(0.039, True), (0.046, False)])
+def test_a_limit_is_none_for_a_twentieth_of_a_second(limited_s: float, goes_on: bool) -> None:
+    """With another tick of 5 ms, 0.044 and 0.051 s."""
+    begun = stepped(0.1)[-1]._replace(limited_s=limited_s)
+    now_s = begun.begun_s + 10.0
+    after = excitation_step(REQUESTED, begun, now_s, 0.005, LIMITED)
+    assert (after.standing == RUNNING) is goes_on
+    free = excitation_step(REQUESTED, begun, now_s, 0.005, IDLE)
+    assert (free.standing, free.limited_s) == (RUNNING, 0.0)
+
+
 def test_it_is_a_function_of_time_and_not_of_ticks() -> None:
     """At another rate, and with ticks that come late, it is the same."""
     state = excitation_step(REQUESTED, at_rest(IDLE), BEGIN_S, DT_S, IDLE)
