@@ -37,6 +37,11 @@ def test_a_contour_is_known_for_the_airframe_it_was_computed_with(tmp_path: Path
         ((0.0, 0.0), (1.0, 1.0), (2.0, 0.0)),
     )
     assert site.contour_for("another") == ()
+    assert site.contour_words("one") == ""
+    words = site.contour_words("another")
+    assert "the site's contour is of 'one', the airframe is 'another'" in words
+    assert "`tgl-soar site contour`" in words
+    assert load_site(site_file(tmp_path, "")).contour_words("one") == ""
     assert load_site(site_file(tmp_path, "")).contour_for("one") == ()
 
 

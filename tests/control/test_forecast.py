@@ -377,3 +377,26 @@ def test_its_words() -> None:
     assert f.forecast_words(low._replace(ahead_s=inf)) == "sinks below CLEAR_MIN"
     assert f.forecast_words(low._replace(standing=f.SETTLES)) == ""
     assert len(set(f.FORECAST_TEXTS)) == 1 + f.TOO_FAST
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "chance", "last"),
+    [(0.99, 0.049, True), (1.01, 0.049, False), (0.99, 0.051, False), (-1.0, 0.0, True)],
+)
+def test_the_last_moment_is_a_second_before_and_almost_certain(
+    ahead_s: float, chance: float, last: bool
+) -> None:
+    """Of a place to settle a chance of a twentieth."""
+    forecast = f.NO_FORECAST._replace(standing=f.TOO_LOW, ahead_s=ahead_s, chance=chance)
+    assert f.is_the_last_moment(PARAMS, forecast) is last
+
+
+def test_there_is_nowhere_to_settle_where_a_reason_is_foreseen() -> None:
+    for standing, text in enumerate(f.FORECAST_TEXTS):
+        forecast = f.NO_FORECAST._replace(standing=standing, ahead_s=2.25)
+        assert f.nowhere(forecast) is (standing not in (f.NO_FORECAST.standing, f.SETTLES))
+        if f.nowhere(forecast):
+            assert f.forecast_words(forecast) == f"{text} in 2.2 s"
+            assert f.forecast_words(forecast._replace(ahead_s=nan)) == text
+        else:
+            assert f.forecast_words(forecast) == ""

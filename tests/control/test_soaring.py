@@ -14,6 +14,7 @@ from tgl_soar.control.soaring import (
     SoaringState,
     TrimGains,
     TrimState,
+    gliding_step,
     holding_step,
     soaring_reset,
     soaring_step,
@@ -148,6 +149,25 @@ def test_holding_slews_to_what_the_line_asks_for_undisturbed(integral: float, st
     assert terms.output == expected
     assert state.pitch_setpoint_rad == pytest.approx(expected, abs=1e-12)
     assert state.pid == PidState(integral, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "flown_deg"), [(3.0, 3.0), (-6.0, -6.0), (12.0, 10.0), (-20.0, -15.0)]
+)
+def test_recovering_slews_to_the_pitch_that_is_given_and_keeps_what_was_learnt(
+    pitch_deg: float, flown_deg: float
+) -> None:
+    """At 60 deg/s, 0.3 degrees in a tick."""
+    state = SoaringState(PidState(0.02, 0.7), 0.0, 0)
+    side = 1 if pitch_deg > 0.0 else -1
+    state, terms = gliding_step(GAINS, state, radians(pitch_deg), DT)
+    assert terms == pytest.approx((radians(flown_deg), 0.0, 0.0, 0.0, radians(flown_deg), 0))
+    assert state.pitch_setpoint_rad == pytest.approx(side * radians(0.3))
+    assert (state.slewing, state.pid) == (side, PidState(0.02, 0.0))
+    for _ in range(60):
+        state, _ = gliding_step(GAINS, state, radians(pitch_deg), DT)
+    assert state.pitch_setpoint_rad == pytest.approx(radians(flown_deg))
+    assert state.slewing == 0
 
 
 def test_the_line_is_held_against_a_steady_push() -> None:
