@@ -58,7 +58,7 @@ def test_how_much_is_what_holds_the_climb_that_is_wanted() -> None:
     second at the most."""
     state = OPENED._replace(integral_mps=0.2)
     found = step(state, SINKS)
-    error = throttle.CLIMB_MPS + 0.4
+    error = 0.3 + 0.4
     integral = 0.2 + error * DT
     assert found.integral_mps == pytest.approx(integral)
     wanted = (error + integral) / FULL_MPS
@@ -148,7 +148,7 @@ def test_low_is_what_two_seconds_of_this_sink_would_make_for_three_tenths(
 def test_it_goes_on_for_a_second_after_the_last_call_and_fades_in_two() -> None:
     state, ticks = OPENED, 0
     while state.called != throttle.NOT_CALLED:
-        state = step(state, CARRIED._replace(climb_mps=throttle.CLIMB_MPS - 0.45))
+        state = step(state, CARRIED._replace(climb_mps=0.3 - 0.45))
         ticks += 1
     assert ticks * DT == pytest.approx(1.0, abs=1.5 * DT)
     fraction = state.fraction
