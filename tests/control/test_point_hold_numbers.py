@@ -369,6 +369,21 @@ def test_a_shake_begins_so_far_in_that_it_goes_both_ways() -> None:
         assert state.brake == pytest.approx(asked + 0.2)
 
 
+@pytest.mark.parametrize("speed_mps", [8.0, 12.0])
+def test_a_shake_is_told_by_the_lift_that_all_of_the_brake_takes(speed_mps: float) -> None:
+    """0.5 rho V² S C_L / m, of which 0.88 is seen."""
+    aero = AERO._replace(CL_brake=-0.3, mass_kg=0.8, wing_area_m2=0.2, air_density_kgpm3=1.2)
+    shaking = AT_POINT._replace(shake=AT_POINT.shake._replace(on=True, climb_mps=0.0))
+    rises = at(0.0)._replace(climb_mps=0.02)
+    now = around(shaking)._replace(inertial=True)
+    gains = GAINS._replace(sink=MOST_MPS / speed_mps**3)
+    found = brake_step(
+        gains, aero, shaking, TARGET, ETA, rises, airspeed_mps=speed_mps, around=now, dt_s=DT_S
+    )
+    lifts = 0.5 * 1.2 * speed_mps**2 * 0.2 * -0.3 / 0.8
+    assert found.shake.rise == pytest.approx(0.02 / DT_S / lifts / 0.88)
+
+
 def test_while_the_brake_is_tried_the_law_rests() -> None:
     trial = NOT_TRIED._replace(on=True, low=0.3)
     before = AT_POINT._replace(trial=trial, ended=0.9, mean=0.7, brake=0.3)
