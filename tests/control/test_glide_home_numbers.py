@@ -84,7 +84,7 @@ def test_out_of_the_air_everything_is_forgotten() -> None:
 
 @pytest.mark.parametrize(
     ("counted", "since_s", "kept"),
-    [(LEFT_M, 2.0, 2.0), (-50.0, 2.0, 2.0), (-0.01, 2.0, 5.0)],
+    [(LEFT_M, 2.0, 2.0), (-50.0, 2.0, 2.0), (-0.01, 2.0, 5.0), (0.0, 2.0, 2.0)],
 )
 def test_since_when_there_is_some_or_none_is_remembered(
     counted: float, since_s: float, kept: float
