@@ -188,6 +188,12 @@ def test_a_loop_beyond_minus_one_has_a_margin_downwards() -> None:
     assert down == -inf
 
 
+def test_a_loop_that_crosses_at_minus_one_bears_no_gain() -> None:
+    """It rings as it stands: none is left upwards, and none is lacking."""
+    up, down = module._gain_margins_db(np.array([-1.0 + 0.1j, -1.0 - 0.1j]))
+    assert (up, down) == (0.0, -inf)
+
+
 def test_the_nearest_crossings_count() -> None:
     """Along the negative axis at -0.2, -0.5, -2 and -5, by straight pieces; the positive axis and
     what touches nothing count for nothing."""

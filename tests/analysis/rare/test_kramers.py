@@ -138,3 +138,71 @@ def test_what_may_be_flown_is_asked_along_the_line() -> None:
     for x, z in asked:
         assert (x - X0) * sin(ETA) == pytest.approx((z - Z0) * cos(ETA), abs=1e-9)
     assert min(z for _, z in asked) < Z0 < max(z for _, z in asked)
+
+
+# --- air that changes along the line, and across it ----------------------------------------------
+
+
+class Along:
+    """Updraft and wind by the distance along a line, and a storm beside it.  At rest in time, and
+    in its middle plane alone."""
+
+    reference_wind_mps = WIND_MPS
+
+    def __init__(self, excess: Callable[[float], float], wind_slope: float = 0.0) -> None:
+        self._excess, self._wind_slope = excess, wind_slope
+
+    def wind_at(self, x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
+        assert (y, t) == (0.0, 0.0)
+        s = (x - X0) * cos(ETA) + (z - Z0) * sin(ETA)
+        across = (z - Z0) * cos(ETA) - (x - X0) * sin(ETA)
+        u = WIND_MPS + self._wind_slope * s
+        return u, 0.0, 0.1 * u + self._excess(s) + 50.0 * across
+
+    def inside(self, _x: float, y: float, _z: float) -> bool:
+        assert y == 0.0
+        return True
+
+
+def ends_along(field: Along, reach_m: float = inf) -> list[tuple[float, float, float, bool]]:
+    def allowed(x: float, _z: float) -> bool:
+        return abs(x - X0) < reach_m * cos(ETA)
+
+    found = well_exits(field, POLAR, (X0, Z0), ETA, (SIGMA_MPS, TAU_S), allowed)  # type: ignore[arg-type]
+    return [tuple(each) for each in found]  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("wind_slope", [0.0, 0.4])
+def test_the_air_is_that_of_the_lines_own_places(wind_slope: float) -> None:
+    """What a faster wind sinks more is made up for: the excess alone counts, 0.5 a metre."""
+    lower, upper = ends_along(Along(lambda s: -0.5 * s, wind_slope), reach_m=1.5)
+    rate = 0.5 / LEVERAGE
+    diffusion = diffusion_of(0.1, ETA, SIGMA_MPS, TAU_S)
+    for (s, barrier, found, smooth), end in ((lower, -1.5), (upper, 1.5)):
+        assert s == pytest.approx(end, abs=0.011)
+        assert barrier == pytest.approx(0.5 * rate * s * s, rel=0.02)
+        expected = rate * sqrt(barrier / (pi * diffusion)) * exp(-barrier / diffusion)
+        assert found == pytest.approx(expected, rel=1e-6, abs=0.0)
+        assert not smooth
+
+
+@pytest.mark.parametrize(("known_m", "smooth"), [(1.005, False), (1.025, True)])
+def test_a_rim_whose_far_side_is_not_known_is_an_edge(known_m: float, smooth: bool) -> None:
+    """The air comes back to nought at 0.995 m: steeply, if it is known beyond."""
+
+    def excess(s: float) -> float:
+        if s > known_m:
+            return nan
+        return -0.5 * s if s < 0.9 else -0.45 + 0.45 * (s - 0.9) / 0.095
+
+    _, (s, barrier, found, is_smooth) = ends_along(Along(excess), reach_m=3.0)
+    assert s == pytest.approx(1.0)
+    assert is_smooth == smooth
+    rate, rim = 0.5 / LEVERAGE, 0.45 / 0.095 / LEVERAGE
+    diffusion = diffusion_of(0.1, ETA, SIGMA_MPS, TAU_S)
+    expected = (
+        smooth_rate(rate, rim, barrier, diffusion)
+        if smooth
+        else cliff_rate(rate, barrier, diffusion)
+    )
+    assert found == pytest.approx(expected, rel=1e-6, abs=0.0)

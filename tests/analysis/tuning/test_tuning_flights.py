@@ -3,21 +3,25 @@ hover, and how late a command comes."""
 
 from __future__ import annotations
 
-from math import cos, pi, radians, sin, sqrt
+from functools import lru_cache
+from math import cos, degrees, pi, radians, sin, sqrt
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import asdict, replace
 
 from tgl_soar.air.zeuc import Crossing, ZeucError
 from tgl_soar.analysis.experiments.spread_along_line import Slide, dryden_dispersion, leverage
 from tgl_soar.analysis.tuning import flights
-from tgl_soar.analysis.tuning.aircraft import Ranges
+from tgl_soar.analysis.tuning.aircraft import Drawn, Ranges, drawn_aircraft
 from tgl_soar.analysis.tuning.flights import DrawnFlight, FlyingPlace, line_of, survival
-from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.control.found_gains import INERTIAL, PLAIN
+from tgl_soar.sim.aircraft import aircraft_model, glide_at
 from tgl_soar.sim.world import World
 from tgl_soar.types import GlidePolar, SurfaceCommand
 
@@ -149,7 +153,8 @@ def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None
     """Over level ground: a glide at 0.1 rad, 10 m up, 1 m of least clearance, a fence of ± 20 m."""
     case = {
         "at": AT, "alpha_rad": 0.1, "stall_rad": 0.2, "ground_m": -8.0, "dispersion_m": 0.1,
-        "fence_z_m": (-20.0, 20.0), "fence_x_m": (-20.0, 20.0), "seen": [], **changes,
+        "fence_z_m": (-20.0, 20.0), "fence_x_m": (-20.0, 20.0), "seen": [], "clear_min_m": 1.0,
+        **changes,
     }  # fmt: skip
 
     def glide(_model: Any, wind_mps: float) -> Any:
@@ -172,7 +177,7 @@ def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None
     laws = SimpleNamespace(ground=None, fence=None, target=SimpleNamespace(eta_rad=0.5 * pi + 0.2))
     monkeypatch.setattr(flights, "laws_from", lambda *_, **__: laws)
     air: Any = None
-    values = VALUES.changed({"CLEAR_MIN": 1.0})
+    values = VALUES.changed({"CLEAR_MIN": case["clear_min_m"]})
     return flights._hovering(drawn(case["stall_rad"]), site, air, values, 0.03)
 
 
@@ -347,3 +352,128 @@ def test_who_is_handed_back_is_up_no_more(
     assert found.up != over
     assert found.ended == ("because of why" if over else "")
     assert found.duration_s == (9.0 if over else 10.0)
+
+
+@pytest.mark.parametrize(("up_m", "clear"), [(0.81, True), (0.79, False)])
+def test_the_least_clearance_counts_twice_whatever_it_is(
+    monkeypatch: pytest.MonkeyPatch, up_m: float, clear: bool
+) -> None:
+    """Of 0.4 m: 0.8 m, at 2 m of height."""
+    changes = {"ground_m": 2.0 - up_m, "dispersion_m": 0.0, "clear_min_m": 0.4}
+    assert (hovering(monkeypatch, **changes) is AT) == clear
+
+
+# --- with which parameters, and in which world ---------------------------------------------------
+
+
+@lru_cache(maxsize=1)
+def one() -> Drawn:
+    return drawn_aircraft(PLACE.airframe, Ranges(), (4,))
+
+
+def trim_deg(drawn: Drawn, values: ParameterSet) -> float:
+    """Of the file that it would have, at its best glide."""
+    model = aircraft_model(asdict(drawn.known.airframe), drawn.known.model)
+    return degrees(glide_at(model, values["DYN_BEST"]).pitch_rad)
+
+
+@pytest.mark.parametrize(("kind", "uses"), [(PLAIN, 0.0), (INERTIAL, 1.0)])
+def test_an_aircraft_flies_with_its_own_trim_latency_and_sensors(kind: str, uses: float) -> None:
+    """What is allowed of pitch is allowed about the trim."""
+    given = VALUES.changed({"EST_IMU": 1.0 - uses, "RHO_P": 0.37})
+    values = flights.values_of(given, one(), kind)
+    assert values["EST_IMU"] == uses
+    assert values["CMD_DELAY"] == pytest.approx(one().latency_s)
+    assert values["DYN_BEST"] > one().known.polar.speed_min_mps
+    assert values["PITCH_TRIM"] == pytest.approx(trim_deg(one(), values), abs=1e-4)
+    shift = values["PITCH_TRIM"] - VALUES["PITCH_TRIM"]
+    assert abs(shift) > 1e-3
+    for name in ("PITCH_MIN", "PITCH_MAX", "REC_PITCH"):
+        assert values[name] - VALUES[name] == pytest.approx(shift, abs=1e-5)
+    assert values["RHO_P"] == pytest.approx(0.37)
+    assert values["DYN_FREQ"] == pytest.approx(one().known.all_parameters()["DYN_FREQ"], rel=1e-6)
+
+
+def test_what_the_file_gives_in_its_parameters_is_in_the_values_already() -> None:
+    """And is not put in once more from the drawn one."""
+    fixed = replace(one().known, parameters={"AIL_P": 0.75})
+    assert flights.values_of(VALUES, one(), PLAIN)["AIL_P"] != VALUES["AIL_P"]
+    own = flights.values_of(VALUES, one()._replace(known=fixed), PLAIN)
+    assert own["AIL_P"] == VALUES["AIL_P"]
+
+
+def test_gains_of_pitch_are_sought_for_an_aircraft_only_where_it_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(flights, "own_gains", lambda values: {"RHO_P": values["CMD_DELAY"] + 0.5})
+    assert flights.values_of(VALUES, one(), PLAIN)["RHO_P"] == VALUES["RHO_P"]
+    sought = flights.values_of(VALUES, one(), PLAIN, seeks=True)
+    assert sought["RHO_P"] == pytest.approx(one().latency_s + 0.5)  # it knows how late it is
+
+
+@pytest.mark.parametrize(("turbulence", "blows"), [(0.05, 0.05), (0.0, 1e-6)])
+def test_an_attempt_starts_downstream_of_where_it_hovers_and_flies_what_is_true(
+    monkeypatch: pytest.MonkeyPatch, turbulence: float, blows: float
+) -> None:
+    made: list[Any] = []
+    site = load_site(shipped("sites/tunnel.toml"))
+
+    def make(known: Any, where: Any, **more: Any) -> Any:
+        made.append((known, where.start, more))
+        return SimpleNamespace(parts=SimpleNamespace(_replace=lambda **parts: parts))
+
+    monkeypatch.setattr(flights, "_place", lambda _path: (site, "air"))
+    monkeypatch.setattr(flights, "soaring_aircraft", lambda *_: (one(), AT, VALUES))
+    monkeypatch.setattr(flights, "make_world", make)
+    monkeypatch.setattr(flights, "fly_late", lambda *what: what)
+    field = PLACE._replace(duration_s=12.0, unknown_late_s=0.01)
+    attempt = flights.Attempt(VALUES, INERTIAL, (1, 2, 3), turbulence)
+    world, seed, values, late_s, duration_s = flights.fly_attempt(field, attempt)  # type: ignore[misc]
+    ((known, start, more),) = made
+    assert known is one().known
+    assert (start.x_m, start.z_m) == (AT.x_m + 0.3, AT.z_m)
+    assert more["turbulence"] == blows
+    assert (more["field"], more["sensors"], more["seed"]) == ("air", one().sensors, seed)
+    assert world.parts == {"model": one().true}
+    assert late_s == pytest.approx(one().latency_s + 0.01)
+    assert (duration_s, values["EST_IMU"]) == (12.0, 1.0)
+    again = flights.fly_attempt(field, attempt)[1]
+    other = flights.fly_attempt(field, attempt._replace(seed=(1, 2, 4)))[1]
+    assert again == seed != other
+    assert 0 <= int(seed) < 2**31
+
+
+def test_where_numba_is_there_a_late_flight_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Any] = []
+    monkeypatch.setattr(flights, "available", lambda: True)
+    monkeypatch.setattr(flights, "prepare", lambda world, seconds: (world, seconds))
+    monkeypatch.setattr(flights, "LateCompiledWorld", lambda *what: what)
+    monkeypatch.setattr(flights, "CompiledLoop", lambda world, values: ("loop", world, values))
+    monkeypatch.setattr(flights, "_flown", lambda *what: given.append(what))
+    world: Any = object()
+    flights.fly_late(world, 5, VALUES, 0.02, 12.0)
+    assert given == [(("loop", ((world, 12.0), 5, 4), VALUES), line_of(VALUES), 12.0)]
+
+
+def test_where_it_is_not_a_whole_flight_is_flown_tick_by_tick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[Any] = []
+    monkeypatch.setattr(flights, "available", lambda: False)
+    monkeypatch.setattr(flights, "ClosedLoop", lambda world, values: ("loop", world, values))
+    monkeypatch.setattr(flights, "_flown", lambda *what: given.append(what))
+    world: Any = object()
+    flights.fly_whole(world, 5, VALUES, 12.0)
+    assert given == [(("loop", world, VALUES), line_of(VALUES), 12.0)]
+
+
+def test_a_site_is_read_once_with_its_air_beside_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[Any] = []
+    site = SimpleNamespace(air="there")
+    monkeypatch.setattr(flights, "load_site", lambda path: read.append(path) or site)  # type: ignore[func-returns-value]
+    monkeypatch.setattr(flights, "site_field", lambda site, folder: (site, folder))
+    path = Path("sites/known_once.toml")
+    for _ in range(2):
+        found: Any = flights._place(path)
+        assert found == (site, (site, Path("sites")))
+    assert read == [path]
