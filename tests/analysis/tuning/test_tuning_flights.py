@@ -22,6 +22,7 @@ from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.found_gains import INERTIAL, PLAIN
 from tgl_soar.sim.aircraft import aircraft_model, glide_at
+from tgl_soar.sim.compiled_flight import CompiledWorld
 from tgl_soar.sim.world import World
 from tgl_soar.types import GlidePolar, SurfaceCommand
 
@@ -154,7 +155,7 @@ def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None
     case = {
         "at": AT, "alpha_rad": 0.1, "stall_rad": 0.2, "ground_m": -8.0, "dispersion_m": 0.1,
         "fence_z_m": (-20.0, 20.0), "fence_x_m": (-20.0, 20.0), "seen": [], "clear_min_m": 1.0,
-        **changes,
+        "forbidden": lambda _x, _z: False, **changes,
     }  # fmt: skip
 
     def glide(_model: Any, wind_mps: float) -> Any:
@@ -166,7 +167,8 @@ def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None
     def outside(_fence: Any, x: float, _y: float, z: float) -> bool:
         low, high = case["fence_z_m"]
         left, right = case["fence_x_m"]
-        return not (low <= z <= high and left <= x <= right)
+        inside = low <= z <= high and left <= x <= right
+        return not inside or case["forbidden"](x, z)
 
     monkeypatch.setattr(flights, "stable_crossing", lambda *_: case["at"])
     monkeypatch.setattr(flights, "glide_at", glide)
@@ -219,6 +221,20 @@ def test_four_deviations_along_the_line_stay_clear_of_ground_and_fence(
         along_m = factor * room_m / 4.0
         found = hovering(monkeypatch, dispersion_m=along_m, **changes)
         assert (found is AT) == clear, changes
+
+
+def test_the_upper_end_of_the_line_lies_upwind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the lower one downwind: a corner of the fence there is in the way, the others are not."""
+    for upwind, above, clear in (
+        *((True, True, False), (True, False, True)),
+        *((False, True, True), (False, False, False)),
+    ):
+
+        def corner(x: float, z: float, upwind: bool = upwind, above: bool = above) -> bool:
+            return (x < AT.x_m - 0.01) == upwind and (z > AT.z_m) == above
+
+        found = hovering(monkeypatch, forbidden=corner)
+        assert (found is AT) == clear, (upwind, above)
 
 
 def test_the_dispersion_is_that_of_a_slide_in_drydens_gusts() -> None:
@@ -440,7 +456,7 @@ def test_an_attempt_starts_downstream_of_where_it_hovers_and_flies_what_is_true(
     again = flights.fly_attempt(field, attempt)[1]
     other = flights.fly_attempt(field, attempt._replace(seed=(1, 2, 4)))[1]
     assert again == seed != other
-    assert 0 <= int(seed) < 2**31
+    assert 1000 < int(seed) < 2**31  # not one of a few
 
 
 def test_where_numba_is_there_a_late_flight_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -453,6 +469,20 @@ def test_where_numba_is_there_a_late_flight_is_compiled(monkeypatch: pytest.Monk
     world: Any = object()
     flights.fly_late(world, 5, VALUES, 0.02, 12.0)
     assert given == [(("loop", ((world, 12.0), 5, 4), VALUES), line_of(VALUES), 12.0)]
+
+
+def test_a_late_compiled_world_is_made_for_its_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
+    taken: list[Any] = []
+    monkeypatch.setattr(CompiledWorld, "__init__", lambda _self, *what: made.append(what))
+    monkeypatch.setattr(CompiledWorld, "step", lambda _self, command: taken.append(command))
+    prepared: Any = SimpleNamespace(world=SimpleNamespace(trim=SimpleNamespace(elevator=0.1)))
+    late = flights.LateCompiledWorld(prepared, 6, 1)
+    sent = [SurfaceCommand(0.2, 0.3, 0.4), SurfaceCommand(0.5, 0.6, 0.7)]
+    for command in sent:
+        late.step(command)
+    assert made == [(prepared, 6)]
+    assert taken == [SurfaceCommand(0.1, 0.0, 0.0), sent[0]]
 
 
 def test_where_it_is_not_a_whole_flight_is_flown_tick_by_tick(
