@@ -204,6 +204,13 @@ def test_of_those_who_lose_as_few_the_nearest_to_the_line_is_chosen(tmp_path: Pa
     assert sqrt(2.0) * 0.05 < 0.08  # by the sum it would be another
 
 
+def test_squares_count_and_no_higher_power(tmp_path: Path) -> None:
+    """5 and 5 cm is more than 1 and 6.9, by whose cubes it would be less."""
+    rms = {0: {0.03: 0.05, 0.05: 0.05}, 1: {0.03: 0.01, 0.05: 0.069}, 2: {0.03: 0.09, 0.05: 0.09}}
+    found, _ = chosen(tmp_path, lambda n, at: flight(rms_m=rms[n][at.turbulence]))
+    assert found is THREE[1]
+
+
 def test_of_equals_the_first_is_chosen(tmp_path: Path) -> None:
     assert chosen(tmp_path, lambda _n, _at: flight())[0] is THREE[0]
 
