@@ -235,7 +235,7 @@ def test_without_a_free_buffer_ticks_are_dropped_and_counted(
 
 def test_a_number_that_fits_no_field_costs_one_tick_nothing_else(log: Log) -> None:
     log.begins().tick(3)
-    huge = OUTPUT._replace(imu_weight=1e300)
+    huge = OUTPUT._replace(vehicle=OUTPUT.vehicle._replace(x_m=1e300))
     log.tick(1, huge)
     log.tick(4)
     assert len(log.rows("tick")) == 8
