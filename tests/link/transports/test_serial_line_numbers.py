@@ -112,6 +112,13 @@ def test_a_driver_that_cannot_say_and_a_line_that_is_lost(line: Line) -> None:
     assert not line.link.clear_for_release()
 
 
+def test_a_line_that_is_closed_is_free_for_others(line: Line) -> None:
+    descriptor = line.link.fileno()
+    line.link.close()
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)
+
+
 def test_a_flush_that_fails_is_no_release(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise termios.error

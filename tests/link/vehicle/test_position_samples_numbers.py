@@ -11,6 +11,7 @@ from test_sensor_samples import BRIDGE, HOME, hear, session
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.messages import (
+    AttitudeQuaternion,
     EkfStatusReport,
     GlobalPositionInt,
     LocalPositionNed,
@@ -203,3 +204,19 @@ def test_what_the_autopilot_reckons_is_its_own_position_alone(source: int, recko
     else:
         hear(talk, SEEN, 5.0, BRIDGE)
     assert talk.position.reckoned is reckoned
+
+
+def test_in_lockstep_the_vehicle_s_newest_stamp_is_the_time() -> None:
+    """Whatever our own clock shows."""
+    talk = of(LOCAL_POSITION, lockstep=True)
+    hear(talk, PLACE, 5000.0)
+    assert (talk.position.sequence, talk.position.time_s) == (1, 1.0)
+    attitude = AttitudeQuaternion(
+        time_boot_ms=2950, q1=1, q2=0, q3=0, q4=0, rollspeed=0, pitchspeed=0, yawspeed=0
+    )
+    hear(talk, attitude, 5000.0)
+    hear(talk, PLACE._replace(time_boot_ms=1900), 5000.0)  # of more than a second before
+    assert talk.position.sequence == 1
+    assert talk.sources.health[LOCAL_POSITION].late == 1
+    hear(talk, PLACE._replace(time_boot_ms=2000), 5000.0)
+    assert (talk.position.sequence, talk.position.time_s) == (2, 2.0)
