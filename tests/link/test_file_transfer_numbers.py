@@ -39,7 +39,7 @@ def read(message: FileTransferProtocol | None, target: Source = ME) -> Answer:
     assert (message.target_system, message.target_component) == target
     assert len(message.payload) == 251
     head = struct.unpack("<HBBBBBBI", message.payload[:12])
-    answer = Answer(*head, message.payload[12 : 12 + head[3]])  # type: ignore[call-arg]
+    answer = Answer._make((*head, message.payload[12 : 12 + head[3]]))
     assert set(message.payload[12 + answer.size :]) <= {0}
     return answer
 

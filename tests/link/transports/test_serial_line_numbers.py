@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import select
 import sys
 import termios
 from collections.abc import Iterator
@@ -110,6 +111,14 @@ def test_a_driver_that_cannot_say_and_a_line_that_is_lost(line: Line) -> None:
     line.link.close()
     assert line.link.backlog_bytes() == 0
     assert not line.link.clear_for_release()
+
+
+def test_a_single_byte_wakes_the_loop(line: Line) -> None:
+    os.write(line.far, b"\xfd")
+    assert select.select([line.link.fileno()], [], [], 2.0)[0]
+    assert line.link.receive(101.0) == [b"\xfd"]
+    assert line.link.receive(101.0) == []
+    assert line.link.fileno() >= 0  # nothing is not hung up
 
 
 def test_a_line_that_is_closed_is_free_for_others(line: Line) -> None:
