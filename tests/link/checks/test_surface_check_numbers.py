@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.autopilots import flavour
-from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
+from tgl_soar.link.autopilots.base import BrakeChannel, SurfaceChannel, SurfaceChannels
 from tgl_soar.link.checks.surface_check import SIGHTS, Stop, SurfaceCheck, SurfaceFinding, finding
 from tgl_soar.link.messages import Heartbeat, LocalPositionNed, RcChannelsOverride, ServoOutputRaw
 
@@ -161,7 +161,9 @@ def test_before_any_step_no_latency_is_known() -> None:
     assert all(map(isnan, made.latencies_s))
 
 
-@pytest.mark.parametrize(("pulse_us", "is_seen"), [(1590, False), (1610, True), (0, False)])
+@pytest.mark.parametrize(
+    ("pulse_us", "is_seen"), [(1590, False), (1600, True), (1610, True), (0, False)]
+)
 def test_half_of_a_step_shows_it_once(pulse_us: int, is_seen: bool) -> None:
     """Of 200 us."""
     made = check()
@@ -287,3 +289,13 @@ def test_of_a_surface_that_was_not_at_all_stops_nothing_is_found() -> None:
         made.step(nan)
         made.move_on()
         assert [each.surface for each in made.findings()] == ["elevator", "aileron"][: count // 4]
+
+
+def test_a_brake_beside_them_is_no_surface_that_is_tried() -> None:
+    brake = SurfaceChannel(channel=6, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
+    channels = CHANNELS._replace(brake=BrakeChannel(brake))
+    made = SurfaceCheck(channels, flavour("ardupilot", "override", channels, 1), 0.5, HOLD_S)
+    while not made.done:
+        made.step(100.0)
+        made.move_on()
+    assert [each.surface for each in made.findings()] == ["elevator", "aileron", "rudder"]

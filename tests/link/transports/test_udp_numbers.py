@@ -120,6 +120,13 @@ def test_bytes_of_the_peer_are_counted_both_ways_and_strangers_one_by_one(
     assert listener.peer == peer.getsockname()
 
 
+def test_a_listener_that_is_closed_frees_its_port(listener: UdpListener) -> None:
+    listener.close()
+    assert listener.fileno() == -1
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(at(listener))
+
+
 @pytest.mark.parametrize(("silent_s", "is_taken"), [(2.9, False), (3.1, True)])
 def test_another_follows_where_nothing_was_accepted_for_three_seconds(
     listener: UdpListener, peer: socket.socket, silent_s: float, is_taken: bool
