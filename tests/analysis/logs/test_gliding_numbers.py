@@ -136,6 +136,14 @@ def test_a_glide_lies_on_a_grid_of_fiftieths() -> None:
     assert short.duration_s == pytest.approx(6 * 0.98)
 
 
+def test_a_glide_reaches_to_the_last_point_before_the_attitudes_end() -> None:
+    """Attitudes until six seconds: the last point lies a fiftieth before."""
+    attitude = turned()
+    assert attitude is not None
+    (one,) = glides(flight(attitude=attitude.within(0.0, 6.001)))
+    assert one.duration_s == pytest.approx(3 * 1.98)
+
+
 @pytest.mark.parametrize(("spread_rad", "found"), [(0.009, True), (0.011, False)])
 def test_the_pitch_of_a_glide_spreads_by_a_hundredth_at_most(
     spread_rad: float, found: bool
