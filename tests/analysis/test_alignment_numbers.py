@@ -102,7 +102,8 @@ def test_some_points_are_half_a_metre_apart_horizontally(widest_m: float, enough
     apart_m = max(np.hypot(a[0] - b[0], a[1] - b[1]) for a in tall for b in tall)
     assert apart_m == pytest.approx(widest_m)
     if enough:
-        assert fit_alignment(pairs(tall), z_up=False).rms_m < 1e-9
+        found = fit_alignment(pairs(tall), z_up=False)
+        assert max(found.rms_m, found.yaw_sigma_rad) < 1e-9
     else:
         words = r"lie within 0\.49 m in the site: some must be 0\.5 m apart"
         with pytest.raises(AlignmentError, match=words):
