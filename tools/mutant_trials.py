@@ -16,6 +16,7 @@ import json
 import os
 import re
 import resource
+import runpy
 import shutil
 import signal
 import subprocess
@@ -294,6 +295,7 @@ class Workshop:
         self._running: dict[int, tuple[Path, Mutant, float]] = {}  # with the time of its end
         self._sound: set[str] = set()
         self._broken: set[str] = set()
+        self._last = not_quick(root)
         self._slow: dict[str, float] = {}
         if reach is not None:
             self._slow = {test: s for test, s in reach.seconds.items() if s > SLOW_S}
@@ -338,7 +340,7 @@ class Workshop:
         order = self._imports.tests_of(mutant.path, names)
         lines = lines_of(source, mutant.change.line)
         if lines and self._reach is not None and self._reach.knows(mutant.path):
-            return in_order(self._reach, mutant.path, lines, order)
+            return in_order(self._reach, mutant.path, lines, order, self._last)
         return [Tried(str(path)) for path in order]
 
     def _end(self, child: int) -> Mutant | None:
@@ -373,19 +375,34 @@ class Workshop:
         return test in self._sound
 
 
-def in_order(reach: Reach, path: Path, lines: frozenset[int], order: Sequence[Path]) -> list[Tried]:
-    """Tests that execute lines of a function, by file: first the file that mirrors it, then by the
-    time that those of a file take, then files that are not recorded.  At last the other tests of
-    these files, as something may be computed once for several.
+def not_quick(root: Path) -> frozenset[str]:
+    """Files of tests that `make test` leaves out, as tests/slow_tests.py of a project has them."""
+    listed = root / "tests/slow_tests.py"
+    parts = runpy.run_path(str(listed))["PARTS"] if listed.is_file() else {}
+    return frozenset(f"tests/{file}" for files in parts.values() for file in files)
 
-    order: all files of tests that reach the file by imports, the nearest first.
+
+def in_order(
+    reach: Reach,
+    path: Path,
+    lines: frozenset[int],
+    order: Sequence[Path],
+    last: frozenset[str] = frozenset(),
+) -> list[Tried]:
+    """Tests that execute lines of a function, by file: first the files that mirror it, then by the
+    time that those of a file take, then files that are not recorded, then those that are not quick.
+    At last the other tests of these files, as something may be computed once for several.
+
+    order: all files of tests that reach the file by imports, the nearest first.  last: those that
+    are not quick.
     """
     at = reach.tests_at(path, lines)
     unknown = [file for file in map(str, order) if not reach.records(file)]
 
-    def turn(file: str) -> tuple[bool, bool, float]:
+    def turn(file: str) -> tuple[bool, bool, bool, float]:
         seconds = sum(at.get(file, {}).values())
-        return Path(file).stem != f"test_{path.stem}", file not in at, seconds
+        mirrors = f"{Path(file).stem}_".startswith(f"test_{path.stem}_")
+        return file in last, not mirrors, file not in at, seconds
 
     return [
         *(

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from mutant_trials import Tried, in_order
+from mutant_trials import Tried, in_order, not_quick
 from mutation_reach import FOLDER, Reach, lines_of, plain, record
 
 SOURCE = """\
@@ -125,6 +125,23 @@ def test_those_that_execute_a_line_come_first(reach: Reach) -> None:
         Tried("tests/test_new.py"),  # nothing is known of it
         Tried(OF_DOUBLED, but=frozenset(DOUBLED)),
     ]
+
+
+def test_files_that_mirror_the_module_come_first_and_those_that_are_not_quick_last(
+    reach: Reach,
+) -> None:
+    numbers, another = f"tests/test_{BOX.stem}_numbers.py", f"tests/test_{BOX.stem}es.py"
+    order = [Path(file) for file in (another, OF_DOUBLED, numbers)]
+    tried = in_order(reach, BOX, lines_of(SOURCE, 15), order, frozenset((OF_DOUBLED,)))
+    assert [test.file for test in tried] == [numbers, another, OF_DOUBLED, OF_DOUBLED]
+
+
+def test_the_files_that_are_not_quick_are_those_of_the_project(project: Path) -> None:
+    root = Path(__file__).parents[2]
+    last = not_quick(root)
+    assert "tests/analysis/rare/test_splitting.py" in last
+    assert all((root / file).is_file() for file in last)
+    assert not_quick(project) == frozenset()
 
 
 def test_what_has_changed_since_is_not_known(project: Path, reach: Reach) -> None:
