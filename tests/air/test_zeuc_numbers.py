@@ -181,6 +181,16 @@ def test_crossings_are_looked_for_every_centimetre() -> None:
     assert [c.z_m for c in found] == pytest.approx([0.502, 0.517], abs=1e-6)
 
 
+@pytest.mark.parametrize(("above_mps", "below_mps"), [(-1.0, 1.0), (-3.0, 1.0), (-1.0, 3.0)])
+def test_a_jump_of_the_field_is_no_crossing(above_mps: float, below_mps: float) -> None:
+    """However it lies about zero: halves that are alike, too."""
+    jump = Made(lambda _x, _y, z, _t: np.where(z > 0.013, above_mps, below_mps))
+    assert crossings(jump, LEVEL, 0.0, 0.0, UP, 2.0) == []
+    steep = Made(lambda _x, _y, z, _t: np.clip(-1e3 * (z - 0.013), -1.0, 1.0))
+    (crossing,) = crossings(steep, LEVEL, 0.0, 0.0, UP, 2.0)
+    assert crossing.z_m == pytest.approx(0.013, abs=1e-5)
+
+
 def test_an_exact_zero_between_two_nodes_is_found_where_it_is() -> None:
     path = np.linspace(-0.5, 0.5, 101)
     middle = 0.5 * (float(path[30]) + float(path[31]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -144,6 +145,28 @@ def test_in_real_time_and_with_the_page_ground_stations_join(
     ((options, port),) = hosted
     assert (options.realtime, port) == (True, 0)
     assert len(flown) == 2
+
+
+@pytest.mark.parametrize(("ends", "code", "words"), [
+    (KeyboardInterrupt(), 0, "ended; its logs are in here/logs"),
+    (SitlError("no way"), 2, "error: no way"),
+])  # fmt: skip
+def test_a_flight_beside_the_page_says_where_to_engage_and_where_its_logs_are(
+    ends: BaseException, code: int, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def host(options: SitlOptions, port: int, announce: Callable[[str], None]) -> None:
+        assert (options.out, port) == (Path("here"), 8191)
+        announce("http://127.0.0.1:8191/#token=t")
+        raise ends
+
+    monkeypatch.setattr("tgl_soar.sim.sitl_page.host", host)
+    found, said = run("--page", "--out", "here")
+    assert found == code
+    assert said.splitlines() == [
+        "the operator's page: http://127.0.0.1:8191/#token=t",
+        "engage there; Ctrl-C ends it",
+        words,
+    ]
 
 
 def test_a_leg_that_did_not_settle_is_an_exit_code(

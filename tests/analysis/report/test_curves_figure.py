@@ -36,3 +36,21 @@ def test_what_is_alike_in_all_panels_is_reported_once_below(
     else:
         assert within == [["with", "without"], ["with", "without", "formula"]]
         assert below == []
+
+
+@pytest.mark.parametrize(
+    ("named", "shown"),
+    [((None, None), []), (("with", None), ["with"]), ((None, "without"), ["without"])],
+)
+def test_a_panel_has_a_legend_where_any_of_its_curves_has_a_name(
+    named: tuple[str | None, str | None],
+    shown: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    figures: list[Any] = []
+    monkeypatch.setattr(drawing, "save", lambda _plt, figure, _path: figures.append(figure))
+    curves = [DrawnCurve([0, 1], [1, 2], name, "C0") for name in named]
+    curves_figure(tmp_path / "curves.png", [CurvePanel("one", "x", "y", curves)], "")
+    (axes,) = figures[0].axes
+    assert labels_of(axes.get_legend()) == shown

@@ -297,6 +297,14 @@ def test_modes_are_shaded_from_change_to_change_and_those_that_were_are_named(
     assert words(legend) == ["capturing", "soaring", "holding", "released"]
 
 
+def test_a_mode_of_the_first_sample_alone_ends_there(kept: list[Any]) -> None:
+    timeline_figure.draw_timelines(PATH, [timeline(["capturing", "soaring", "soaring"])])
+    assert spans(kept[0].axes[0]) == [
+        (12.0, 12.0, MODE_COLOURS["capturing"]),
+        (13.0, 14.0, MODE_COLOURS["soaring"]),
+    ]
+
+
 def test_one_timeline_alone_is_drawn_too(kept: list[Any]) -> None:
     timeline_figure.draw_timelines(PATH, [timeline(["soaring"] * 3)])
     assert len(kept[0].axes) == 3

@@ -64,6 +64,15 @@ def test_a_stand_of_less_than_two_seconds_is_no_leg(seconds: float, count: int) 
     assert len(stands(flight(seconds))) == count
 
 
+@pytest.mark.parametrize(("moved_until_s", "begins_s"), [(8.1, []), (7.9, [8.0])])
+def test_a_stand_is_as_long_as_it_lasts_however_late_it_begins(
+    moved_until_s: float, begins_s: list[float]
+) -> None:
+    """Of ten seconds the last: 1.8 s of them, or 2.0 s and a hair."""
+    moving = np.where(times() < moved_until_s + 0.05, 1.0, 0.0)
+    assert [leg[0] for leg in stands(flight(moving=moving))] == pytest.approx(begins_s)
+
+
 @pytest.mark.parametrize("name", ["x_m", "z_m", "eta_rad"])
 @pytest.mark.parametrize(("by", "count"), [(0.9e-4, 1), (1.1e-4, 2), (-1.1e-4, 2)])
 def test_a_line_that_goes_elsewhere_is_another_leg(name: str, by: float, count: int) -> None:

@@ -14,6 +14,7 @@ import pytest
 from tgl_soar.cli.page import measured_air
 from tgl_soar.cli.page.measured_air import AirSample, MeasuredAir, box_of, zero_segments
 from tgl_soar.config.parameters import INDEX, PARAMETERS
+from tgl_soar.estimation.lift_map.basis import Box
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
 from tgl_soar.types import NO_GROUND, GlidePolar, Ground
 
@@ -135,6 +136,26 @@ def test_a_reading_that_the_map_cannot_take_begins_it_again(
     monkeypatch.setattr(LiftMap, "take", fails)
     measured.take(sample(1.0), flying=True)
     assert measured.readings == 0
+
+
+def test_the_map_counts_with_the_wider_bias_of_a_wind_without_a_pitot_tube() -> None:
+    """Telemetry does not tell whether there is one."""
+    measured = air()
+    for t in (0.0, 0.5):
+        measured.take(sample(t), flying=True)
+    reading = Reading(
+        x_m=0.3, z_m=1.2, wind_mps=8.5, updraft_mps=0.6, airspeed_mps=8.5, energy_mps=0.0,
+        since_s=0.5,
+    )  # fmt: skip
+    places = np.array([0.3, 1.0]), np.array([1.2, 2.0])
+    claimed = []
+    for pitot in (False, True):
+        other = LiftMap(NO_GROUND, Box._make(VIEW), POLAR, reading, pitot=pitot)
+        other.take(reading)
+        claimed.append(other.at(*places).excess_sd_mps)
+    assert measured._map is not None
+    assert measured._map.at(*places).excess_sd_mps == pytest.approx(claimed[0])
+    assert (claimed[0] > 1.01 * claimed[1]).any()
 
 
 # --- the box -----------------------------------------------------------------------------------
