@@ -195,6 +195,7 @@ def test_with_a_key_what_goes_out_is_signed(line: Line, tmp_path: Path) -> None:
             talking.say(ALIVE)
         (frame,) = line.sent
         assert (frame[0], frame[2] & 1) == (0xFD, flag)
+        assert frame[-13] == 0 or path is None  # the link's number, in the signature
         line.sent.clear()
 
 
@@ -206,7 +207,7 @@ def test_what_is_waited_on_is_the_links_own_file_where_it_has_one(
     def select(reading: list[int], _w: list[int], _x: list[int], seconds: float) -> None:
         waited.append((reading, seconds))
 
-    monkeypatch.setattr(module.select, "select", select)
+    monkeypatch.setattr("tgl_soar.cli.conversation.select.select", select)
     assert clock.now_s == 100.0
     with talk() as talking:
         for number in (-1, 0, 5):

@@ -6,12 +6,15 @@ import re
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from slid_contour import flown, logged
 from typer.testing import CliRunner
 
 from tgl_soar.analysis.logs import open_log
 from tgl_soar.analysis.logs.flight_data import FlightData
+from tgl_soar.analysis.survey import contour_fit, surveys_from_log
+from tgl_soar.analysis.survey.contour_fit import DrawnContour
 from tgl_soar.cli.app import app
 from tgl_soar.cli.survey import with_contour, write_contour
 from tgl_soar.config.files import ConfigError, load_site, shipped
@@ -103,6 +106,66 @@ def test_a_file_in_which_more_would_change_is_left_alone(tmp_path: Path) -> None
     with pytest.raises(ConfigError, match="by hand"):
         write_contour(site, more)
     assert site.read_text(encoding="utf-8") == text
+
+
+def slanted(metres: float, sigmas_m: list[float]) -> DrawnContour:
+    """A straight piece of a 3-4-5 slope, with standard deviations of its own at its points."""
+    along = np.linspace(0.0, metres, len(sigmas_m))
+    return DrawnContour(
+        x_m=-0.6 * along,
+        z_m=0.8 * along,
+        sigma_m=np.array(sigmas_m),
+        return_per_s=0.8,
+        late_m=0.0,
+        drift_m=0.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "which"),
+    [((), 2), (("--number", "0"), 2), (("--number", "1"), 0), (("--number", "3"), 2)],
+)
+def test_the_survey_of_a_number_is_drawn_and_usually_the_last(
+    words: tuple[str, ...], which: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its length, its median error, and the larger one of its ends are told."""
+    monkeypatch.setattr(surveys_from_log, "surveys_of", lambda _flight: [0, 1, 2])
+    drawn: list[int] = []
+
+    def draw(survey: int) -> DrawnContour:
+        drawn.append(survey)
+        return slanted(1.25, [0.031, 0.004, 0.013, 0.012, 0.042])
+
+    monkeypatch.setattr(contour_fit, "drawn_contour", draw)
+    code, text = run(monkeypatch, surveyed(), *words)
+    assert (code, drawn) == (0, [which])
+    assert "1.25 m of contour, ± 1.3 cm along the line, at its ends ± 4.2 cm" in text
+    assert "(`tgl-soar survey flight.ulg`)" in text
+
+
+@pytest.mark.parametrize("words", [("--number", "4"), ("--number", "17")])
+def test_a_survey_that_was_not_flown_is_refused(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(surveys_from_log, "surveys_of", lambda _flight: [0, 1, 2])
+    code, text = run(monkeypatch, surveyed(), *words)
+    assert code == 2
+    assert f"flight.ulg: --number {words[1]}: the flight has surveys 1 to 3" in text
+
+
+def test_a_table_takes_the_place_of_the_old_one_with_its_comments_wherever_it_stands() -> None:
+    first = "# one\n# two\n[contour]\nparts = []\n"
+    assert with_contour(first, TABLE) == TABLE
+    kept = "# of the file\n\n# old\n[contour]\nparts = []\n\n\n[[lines]]\nname = 'a'\n"
+    assert with_contour(kept, TABLE) == f"# of the file\n\n{TABLE}\n[[lines]]\nname = 'a'\n"
+    # What only looks like a table, within a row, is none.
+    rows = "[contour]\nparts = [\n  [[0.0, 1.0]],\n]\n[start]\nx_m = 1\n"
+    assert with_contour(rows, TABLE) == f"{TABLE}\n[start]\nx_m = 1\n"
+    # A comment behind the last row belongs to what follows, though that is the end.
+    ended = "[contour]\nparts = []\n# the end\n"
+    assert with_contour(ended, TABLE) == f"{TABLE}\n# the end"
+    twice = with_contour(with_contour(kept, TABLE), TABLE)
+    assert twice == with_contour(kept, TABLE)
 
 
 def test_without_a_survey_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,8 +6,16 @@ import json
 from pathlib import Path
 
 import pytest
+from test_catalogue_lists import AIMS, OWN, PAPER
 
-from tgl_soar.analysis.experiments.catalogue import EXPERIMENTS, TITLES, run
+from tgl_soar.analysis.experiments.catalogue import (
+    APART,
+    EXPERIMENTS,
+    OURS,
+    RIGID_BODY_ALONE,
+    TITLES,
+    run,
+)
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import Flyer
 from tgl_soar.analysis.experiments.result import as_json
@@ -15,6 +23,13 @@ from tgl_soar.analysis.experiments.result import as_json
 
 def test_every_experiment_has_a_title() -> None:
     assert list(TITLES) == list(EXPERIMENTS)
+
+
+def test_the_catalogue_has_the_papers_for_both_models_and_ours_for_the_rigid_body() -> None:
+    assert set(RIGID_BODY_ALONE) == {*AIMS, *OWN}
+    assert len(RIGID_BODY_ALONE) == len(AIMS) + len(OWN)
+    assert set(EXPERIMENTS) - OURS == set(PAPER)
+    assert sorted(APART) == sorted(OWN)
 
 
 LONG = pytest.mark.long

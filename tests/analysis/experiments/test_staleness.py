@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
-from tgl_soar.analysis.experiments.staleness import SAME_M, differences, mark, marked
+from tgl_soar.analysis.experiments import staleness
+from tgl_soar.analysis.experiments.flights import ScenarioJob
+from tgl_soar.analysis.experiments.scenario import SensorSpec
+from tgl_soar.analysis.experiments.staleness import (
+    PROBES,
+    SAME_M,
+    differences,
+    mark,
+    marked,
+    probe,
+    probed,
+)
 
 ENDS = {"tunnel": (1.25, 0.5), "hill": (-4.0, 13.0)}
 
@@ -41,3 +55,49 @@ def test_a_page_of_other_probes_or_none_says_so() -> None:
         "the page has the probes tunnel, hill; there are tunnel"
     ]
     assert differences("# Experiments\n", ENDS) == ["the page holds no probes"]
+
+
+def test_an_end_may_differ_by_a_ten_millionth_of_a_metre() -> None:
+    x, z = ENDS["hill"]
+    for moved_m, named in ((0.99e-7, 0), (1.01e-7, 1)):
+        assert len(differences(page(), {**ENDS, "hill": (x, z + moved_m)})) == named
+
+
+def test_ends_are_kept_to_the_nanometre() -> None:
+    assert marked(page({"tunnel": (1.2345678912, -0.0000000016)})) == {
+        "tunnel": (1.234567891, -0.000000002)
+    }
+
+
+def test_probes_are_of_both_airs_all_sensors_and_both_models() -> None:
+    assert list(PROBES) == ["tunnel", "hill, accelerations and pitot", "point mass"]
+    assert [model for *_, model in PROBES.values()] == ["rigid_body", "rigid_body", "point_mass"]
+    plain, full, _ = (sensors for _, sensors, _ in PROBES.values())
+    assert plain == SensorSpec()
+    assert full == SensorSpec(imu=True, pitot=True)
+    sites = [probed(*given).site for given in PROBES.values()]
+    assert sites[0] == sites[2] != sites[1]
+
+
+@pytest.mark.parametrize("name", PROBES)
+def test_a_probe_is_four_seconds_in_three_per_cent_of_turbulence_and_no_change(name: str) -> None:
+    scenario = probed(*PROBES[name])
+    assert (scenario.duration_s, scenario.changes) == (4.0, [])
+    assert scenario.turbulence is not None
+    assert scenario.turbulence.intensity == 0.03
+    assert (scenario.sensors, scenario.model) == PROBES[name][1:]
+
+
+def test_a_probe_ends_where_its_flight_of_seed_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    flown: list[ScenarioJob] = []
+
+    def fly(job: ScenarioJob) -> Any:
+        flown.append(job)
+        n = len(flown)
+        return SimpleNamespace(path={"x_m": [9.0, 9.0, 1.5 * n], "z_m": [8.0, 8.0, 0.5 * n]})
+
+    monkeypatch.setattr(staleness, "fly_job", fly)
+    ends = probe()
+    assert ends == dict(zip(PROBES, [(1.5, 0.5), (3.0, 1.0), (4.5, 1.5)], strict=True))
+    assert [job.scenario for job in flown] == [probed(*given) for given in PROBES.values()]
+    assert {(job.seed, job.dispersed) for job in flown} == {(1, False)}

@@ -8,9 +8,23 @@ from slid_contour import ETA, SPEED_MPS, flown, logged, true_points
 
 from tgl_soar.analysis.experiments.lift.survey import errors_of
 from tgl_soar.analysis.logs.flight_data import Event, FlightData
-from tgl_soar.analysis.survey.contour_fit import SurveyError, drawn_contour
+from tgl_soar.analysis.survey.contour_fit import (
+    RETURNS_PER_S,
+    WIDTHS,
+    SurveyError,
+    drawn_contour,
+)
 from tgl_soar.analysis.survey.surveys_from_log import surveys_of
 from tgl_soar.control.survey import DOWNSTREAM, HOMEWARD, UPSTREAM
+
+
+def test_widths_and_rates_of_a_contour_fit_are_those_that_hills_and_tunnels_need() -> None:
+    assert WIDTHS == (6.0, 8.0, 12.0, 16.0, 24.0, 48.0)
+    assert (RETURNS_PER_S[0], RETURNS_PER_S[-1], len(RETURNS_PER_S)) == (
+        0.1, pytest.approx(3.2), 11,
+    )  # fmt: skip
+    ratios = np.diff(np.log2(RETURNS_PER_S))
+    assert ratios == pytest.approx(np.full(10, 0.5))
 
 
 @pytest.mark.parametrize("return_per_s", [0.4, 0.8, 1.6])

@@ -14,7 +14,6 @@ from tgl_soar.analysis.survey import contour_fit as module
 from tgl_soar.analysis.survey.contour_fit import (
     KNOTS,
     PARTS,
-    RETURNS_PER_S,
     WIDTHS,
     DrawnContour,
     SurveyError,
@@ -154,15 +153,6 @@ def test_residuals_that_are_all_followed_leave_a_tenth_of_them_free(
     assert 1.0 - float(np.trace(hats.T @ hats @ inverse)) * 95.0 / 300.0 < 0.1
     variance = float(np.mean((drift - hats @ found.f) ** 2)) * 95.0 / 0.1
     assert found.sigma == pytest.approx(np.sqrt(variance * np.diag(inverse)), rel=1e-3)
-
-
-def test_widths_and_rates_are_those_that_hills_and_tunnels_need() -> None:
-    assert WIDTHS == (6.0, 8.0, 12.0, 16.0, 24.0, 48.0)
-    assert (RETURNS_PER_S[0], RETURNS_PER_S[-1], len(RETURNS_PER_S)) == (
-        0.1, pytest.approx(3.2), 11,
-    )  # fmt: skip
-    ratios = np.diff(np.log2(RETURNS_PER_S))
-    assert ratios == pytest.approx(np.full(10, 0.5))
 
 
 # --- what was passed both ways --------------------------------------------------------------------

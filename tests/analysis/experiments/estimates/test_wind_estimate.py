@@ -12,6 +12,7 @@ import pytest
 
 from tgl_soar.analysis.experiments.catalogue import run
 from tgl_soar.analysis.experiments.context import Context
+from tgl_soar.analysis.experiments.estimates import wind_estimate
 from tgl_soar.analysis.experiments.estimates.wind_estimate import (
     CASES,
     DRAG_WITHIN,
@@ -138,3 +139,15 @@ def test_the_experiment_tells_and_draws(tmp_path: Path, monkeypatch: pytest.Monk
     (figure,) = reported.figures
     assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
     assert json.dumps(as_json(reported))
+
+
+def test_a_wind_estimate_is_scored_a_second_after_it_has_settled_and_no_sooner() -> None:
+    """The numbers of the page: 96 flights of 12 s, 5 s of which settle."""
+    assert (wind_estimate.SETTLE_S, wind_estimate.LEAST_S) == (5.0, 6.0)
+    assert (wind_estimate.FLIGHT_S, wind_estimate.TOUR_S) == (12.0, 12.0)
+    assert tuple(range(1, 33)) == wind_estimate.SEEDS
+    assert (wind_estimate.TURBULENCE, wind_estimate.EARLY_MOST) == (0.03, 0.1)
+    assert np.degrees(wind_estimate.PITCH_ERROR_RAD) == pytest.approx(0.5)
+    assert (wind_estimate.PITOT_RMS_MPS, wind_estimate.PLAIN_RATIO) == (0.15, 0.7)
+    assert (wind_estimate.LIFT_WITHIN, wind_estimate.DRAG_WITHIN) == (0.10, 0.20)
+    assert (wind_estimate.HONEST_MOST, 3.0 * wind_estimate.HONEST_LEAST) == (2.0, 1.0)
