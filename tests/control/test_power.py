@@ -214,6 +214,23 @@ def view(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ThrottleView]:
     return given
 
 
+def test_it_is_told_how_fast_one_that_soars_is_brought_back(
+    view: Callable[..., ThrottleView],
+) -> None:
+    back = SETTLES._replace(slope_per_s=-1.2)
+    assert view(ahead=back).returns_per_s == 1.2
+    assert view(ahead=back._replace(excess_mps=-0.39)).returns_per_s == 1.2
+    # Who sinks like that, or is driven away, or has no place, is not brought back.
+    for lost in (
+        back._replace(excess_mps=-0.41),
+        back._replace(slope_per_s=0.3),
+        back._replace(standing=foreseen.TOO_LOW),
+        SETTLES,
+        NO_FORECAST,
+    ):
+        assert view(ahead=lost).returns_per_s == 0.0
+
+
 def test_it_is_told_how_the_aircraft_is(view: Callable[..., ThrottleView]) -> None:
     now = estimates(STILL._replace(climb_mps=-0.7), airspeed_mps=8.25, clearance_m=4.0)
     seen = view(now=now)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import exp
 from typing import Any
 
 import pytest
@@ -196,3 +197,38 @@ def test_what_is_shown_is_what_it_does() -> None:
     assert throttle.CALLED_TEXTS[report.called] == "no place to settle"
     assert throttle.CALLED_TEXTS[throttle.HOME] == "height for the way home"
     assert throttle.CALLED_TEXTS[throttle.LOW] == "low and sinking"
+
+
+@pytest.mark.parametrize(
+    ("returns_per_s", "room_m", "low"),
+    [
+        (0.0, 0.79, True),  # two seconds at 0.4 m/s
+        (0.0, 0.81, False),
+        (1.2, 0.29, True),  # 0.30 m: e^(-1.2 t) of that, from now on
+        (1.2, 0.31, False),
+        (0.3, 0.59, True),  # 0.60 m
+        (0.3, 0.61, False),
+    ],
+)
+def test_a_sink_of_one_that_is_brought_back_dies_away(
+    returns_per_s: float, room_m: float, low: bool
+) -> None:
+    steps = 4000
+    way_m = sum(
+        0.4 * exp(-returns_per_s * (n + 0.5) * 2.0 / steps) * 2.0 / steps for n in range(steps)
+    )
+    assert (room_m < way_m) == low
+    view = CARRIED._replace(room_m=room_m, climb_mps=-0.4, returns_per_s=returns_per_s)
+    state = NO_THROTTLE
+    for _ in range(70):  # for 0.3 s, and some more
+        state = step(state, view)
+    assert (state.called == throttle.LOW) == low
+
+
+def test_one_that_nothing_is_known_to_bring_back_may_sink_for_two_seconds() -> None:
+    for returns_per_s in (0.0, 1e-12, float("nan")):
+        assert throttle.sinks_on_s(CARRIED._replace(returns_per_s=returns_per_s)) == 2.0
+    assert throttle.sinks_on_s(CARRIED._replace(returns_per_s=1e-3)) == pytest.approx(
+        1.998, abs=1e-4
+    )
+    assert throttle.sinks_on_s(CARRIED._replace(returns_per_s=50.0)) == pytest.approx(0.02)

@@ -93,6 +93,7 @@ def power_step(
         room_m=_room(laws, margins),
         climb_mps=vehicle.climb_mps,
         airspeed_mps=estimates.air.airspeed_mps,
+        returns_per_s=max(0.0, -forecast.slope_per_s) if soars else 0.0,
     )
     return throttle_step(laws.throttle, state, view, dt_s)
 

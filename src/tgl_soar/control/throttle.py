@@ -19,8 +19,10 @@ pitch that holds it is known beforehand and passed on, as the brake's is.
 **Called** by what ends flights: no place to settle is foreseen and it sinks; the height for the way
 home is gone, or will be within AHEAD_S, on that way or where the aircraft does not soar (who soars
 needs none for it yet); or, for LOW_S, it sinks so that the least clearance is reached within
-AHEAD_S.  It is closed HOLD_S after the last of them, fading, so that gusts do not switch it; where
-it is uncertain (the place unknown, a mode that flies no line, tilted) it is closed at once.
+AHEAD_S.  Who soars is brought back to its place at the rate λ, so that a gust's sink goes on for no
+more than (1 − e^(−λ AHEAD_S)) / λ.  It is closed HOLD_S after the last of them, fading, so that
+gusts do not switch it; where it is uncertain (the place unknown, a mode that flies no line, tilted)
+it is closed at once.
 
 **Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where
 the autopilot is disarmed, not with every engagement.  It is counted tick by tick: an autopilot that
@@ -31,6 +33,7 @@ Pure: numbers in, numbers out.
 
 from __future__ import annotations
 
+from math import exp
 from typing import Final, NamedTuple
 
 from tgl_soar.control.envelope import limit_throttle
@@ -43,6 +46,7 @@ INTEGRAL_PER_S: Final = 1.0  # slower than λ (1 + K) and the motor together by 
 HOLD_S: Final = 1.0  # two eddies of a metre and more
 AHEAD_S: Final = 2.0  # of a second each to open the throttle and to turn the flight path
 LOW_S: Final = 0.3  # of them: as for breaking off, an estimate's step is no sink
+RETURNS_LEAST: Final = 1e-3  # of its way in AHEAD_S: less brings nothing back
 WEAKEST_MPS: Final = 0.05  # of all of it: less is no power
 
 # What calls it.
@@ -100,6 +104,7 @@ class ThrottleView(NamedTuple):
     room_m: float  # clearance less the least
     climb_mps: float
     airspeed_mps: float  # NaN: not known
+    returns_per_s: float = 0.0  # λ, of one that soars; 0: nothing brings it back
 
 
 class ThrottleReport(NamedTuple):
@@ -135,7 +140,7 @@ def throttle_step(
     full_mps = full_climb(params, view.airspeed_mps)
     if not (view.allowed and left_s > 0.0 and full_mps > WEAKEST_MPS and isfinite(view.climb_mps)):
         return closed(params, state, dt_s)
-    sinks = view.room_m + AHEAD_S * min(0.0, view.climb_mps) < 0.0 and view.climb_mps < 0.0
+    sinks = view.climb_mps < 0.0 and view.room_m + sinks_on_s(view) * view.climb_mps < 0.0
     low_s = max(0.0, min(2.0 * LOW_S, state.low_s + (dt_s if sinks else -dt_s)))
     called = _called(view, low_s)
     quiet_s = 0.0 if called != NOT_CALLED else state.quiet_s + dt_s
@@ -207,6 +212,12 @@ def can_hold(params: ThrottleParams, used_s: float, excess_mps: float, airspeed_
     if not params.most * full_mps > wanted_mps:  # false for NaN, too
         return False
     return (params.budget_s - used_s) * full_mps > AHEAD_S * max(0.0, wanted_mps)
+
+
+def sinks_on_s(view: ThrottleView) -> float:
+    """For how long [s] it goes on sinking as it does now, of AHEAD_S."""
+    back = AHEAD_S * view.returns_per_s
+    return AHEAD_S * (1.0 - exp(-back)) / back if back > RETURNS_LEAST else AHEAD_S
 
 
 def _called(view: ThrottleView, low_s: float) -> int:

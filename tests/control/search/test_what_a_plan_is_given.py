@@ -8,6 +8,7 @@ import pytest
 from test_rollout import ETA, GUARDS, POLAR, at_rest
 
 from tgl_soar.control.search import lift_search
+from tgl_soar.control.search.glimpse import GIVEN_UP, LOOKING
 from tgl_soar.control.search.lift_search import LiftSearch, Sighting
 from tgl_soar.control.search.plan import LinePlan, plan_in
 from tgl_soar.control.target_line import TargetLine
@@ -60,6 +61,35 @@ def test_with_power_no_height_for_landing_is_kept(
 ) -> None:
     search.seek(look(carried=carried))
     assert given["guards"] == GUARDS._replace(landing_m=landing_m)
+
+
+@pytest.mark.parametrize(("slower_mps", "landing_m"), [(0.1, 0.0), (-0.1, 1.5)])
+def test_power_carries_nobody_in_a_wind_too_slow_to_hover_in(
+    given: dict[str, Any], slower_mps: float, landing_m: float
+) -> None:
+    """By the map where it is, and not by the wind of this instant."""
+    slow = LiftSearch(POLAR)
+    wind_mps = GUARDS.speed_min_mps + slower_mps
+    for _ in range(50):
+        slow.listen(look()._replace(reading=READING._replace(wind_mps=wind_mps)))
+    assert slow.map.at([0.0], [10.0]).wind_mps[0] == pytest.approx(wind_mps, abs=0.05)
+    gust = look(carried=True)
+    slow.seek(gust._replace(reading=READING._replace(wind_mps=20.0)))
+    assert given["guards"] == GUARDS._replace(landing_m=landing_m)
+
+
+def test_in_such_a_wind_a_search_with_power_gives_up_in_words() -> None:
+    for wind_mps, status in ((9.0, LOOKING), (6.5, GIVEN_UP)):
+        search = LiftSearch(POLAR)
+        for tick in range(1, 40):
+            sinks = look(0.2 * tick, carried=True)._replace(
+                reading=READING._replace(wind_mps=wind_mps, updraft_mps=-0.5, energy_mps=-1.9),
+                climb_mps=-1.5,
+            )
+            search.listen(sinks)
+            search.seek(sinks)
+        assert search.state is not None
+        assert search.state.status == status
 
 
 def test_half_of_the_gusts_of_a_reading_of_a_fifth_of_a_second_carries_it(

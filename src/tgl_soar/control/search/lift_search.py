@@ -194,7 +194,7 @@ class LiftSearch:
             line.moving,
             look.dt_s,
             under_ceiling_m=look.guards.box.z_max_m - look.moving.z_m,
-            carried=look.carried,
+            carried=self._carried(look),
         )
         place = self.plan
         return LineRequest(
@@ -206,6 +206,14 @@ class LiftSearch:
             over_ground_m=look.over_ground_m,
         )
 
+    def _carried(self, look: Sighting) -> bool:
+        """Whether power keeps it there.  In a wind too slow to hover in it only flies upstream:
+        whatever pushes it, it neither stalls nor stays."""
+        if not look.carried or self._map is None:
+            return look.carried
+        wind_mps = self._map.at([look.moving.x_m], [look.moving.z_m]).wind_mps[0]
+        return bool(wind_mps >= look.guards.speed_min_mps)
+
     def planned(self, look: Sighting, state: SearchState) -> LinePlan:
         """The best line by the map as it is."""
         draws = self.map.draws(self._normals, SPREAD)
@@ -213,7 +221,7 @@ class LiftSearch:
         drawn = self.map.draws_ahead(self._normals, self._trend_normals, over_s)
         fields = likely_fields(self.grid, self.map.mean(), draws, self.map.ahead(over_s), drawn)
         # With power no height runs out.
-        guards = look.guards._replace(landing_m=0.0) if look.carried else look.guards
+        guards = look.guards._replace(landing_m=0.0) if self._carried(look) else look.guards
         self._refused = [r for r in self._refused if 0.0 <= look.time_s - r[0] < REFUSED_S]
         # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
         diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
