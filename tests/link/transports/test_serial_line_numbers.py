@@ -51,9 +51,8 @@ class Line:
 
 @pytest.fixture
 def line(monkeypatch: pytest.MonkeyPatch) -> Iterator[Line]:
-    with monkeypatch.context() as patch:
-        made = Line(patch)
-        yield made
+    made = Line(monkeypatch)
+    yield made
     made.link.close()
     os.close(made.far)
 
