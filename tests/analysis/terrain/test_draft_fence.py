@@ -7,21 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_draft import POLAR
+from test_draft import REQUEST as USUAL
 
-from tgl_soar.analysis.terrain.draft import DraftError, Request, _fence, _written_field
-from tgl_soar.types import GlidePolar
+from tgl_soar.analysis.terrain.draft import DraftError, _fence, _written_field
 
-# Sinks 1.3 m/s at least, at 8 m/s.
-POLAR = GlidePolar(c0=3.22, c1=-0.48, c2=0.03, c3=0.0, speed_min_mps=6.0, speed_max_mps=14.0)
-REQUEST = Request(
-    ridge_deg=0.0,
-    wind_from_deg=None,
-    wind_mps=9.0,
-    reach_m=200.0,
-    half_width_m=40.0,
-    clearance_m=5.0,
-    ceiling_m=40.0,
-)
+REQUEST = USUAL._replace(ceiling_m=40.0)
 X: Any = np.linspace(-200.0, 200.0, 81)
 
 

@@ -180,6 +180,7 @@ class LiftSearch:
     def seek(self, look: Sighting, *, plans: bool = True) -> LineRequest:
         """Where the line is to go, after `listen`; plans: a plan may be made."""
         line = look.moving.line
+        look = look._replace(carried=self._carried(look))
         if self.state is None:
             self.state = started(TargetLine(line.x_m, line.z_m, line.eta_rad))
         plan = None
@@ -194,7 +195,7 @@ class LiftSearch:
             line.moving,
             look.dt_s,
             under_ceiling_m=look.guards.box.z_max_m - look.moving.z_m,
-            carried=self._carried(look),
+            carried=look.carried,
         )
         place = self.plan
         return LineRequest(
@@ -207,8 +208,8 @@ class LiftSearch:
         )
 
     def _carried(self, look: Sighting) -> bool:
-        """Whether power keeps it there.  In a wind too slow to hover in it only flies upstream:
-        whatever pushes it, it neither stalls nor stays."""
+        """Whether power keeps it there.  Not in a wind too slow to hover in: whatever pushes it, it
+        must fly faster than that not to stall, and so upstream."""
         if not look.carried or self._map is None:
             return look.carried
         wind_mps = self._map.at([look.moving.x_m], [look.moving.z_m]).wind_mps[0]
@@ -221,7 +222,7 @@ class LiftSearch:
         drawn = self.map.draws_ahead(self._normals, self._trend_normals, over_s)
         fields = likely_fields(self.grid, self.map.mean(), draws, self.map.ahead(over_s), drawn)
         # With power no height runs out.
-        guards = look.guards._replace(landing_m=0.0) if self._carried(look) else look.guards
+        guards = look.guards._replace(landing_m=0.0) if look.carried else look.guards
         self._refused = [r for r in self._refused if 0.0 <= look.time_s - r[0] < REFUSED_S]
         # White gusts: means over T have the variance 2 σ² τ / T, so D = σ² τ is half of it times T.
         diffusion = 0.5 * self.map.gusts_mps2 * AVERAGING_S
