@@ -83,6 +83,24 @@ class Sensor:
         return self
 
 
+def after_three(
+    gains: RangeGains,
+    ground: Ground,
+    at: VehicleState,
+    range_m: float,
+    ages_s: tuple[float, float, float] = (0.02, 0.01, 0.0),
+) -> tuple[RangeState, GroundRange]:
+    """The same reading in three ticks of 1 ms, the last of them `at`: no bound before that."""
+    state, found = NO_RANGE_STATE, NO_GROUND_RANGE
+    for k, age_s in enumerate(ages_s):
+        assert isnan(found.bound_m)
+        now = at.time_s - 0.001 * (len(ages_s) - 1 - k)
+        sample = RangeSample(k + 1, now - age_s, range_m)
+        tick = at._replace(time_s=now)
+        state, found = range_step(gains, ground, state, sample, tick, True, False, True)
+    return state, found
+
+
 # --- what it measures ---------------------------------------------------------------------------
 
 
@@ -104,16 +122,16 @@ def test_the_beam_meets_the_ground_where_its_geometry_says(
     range_m = (z - level - slope * x) / (down - slope * upwind)
     assert ground_height(ground, x - range_m * upwind) == pytest.approx(z - range_m * down)
     at = vehicle(1.0, x_m=x, z_m=z, roll_rad=roll, pitch_rad=pitch, heading_rad=heading)
-    sample = RangeSample(1, 1.0, range_m)
-    state, found = range_step(CORRECTS, ground, NO_RANGE_STATE, sample, at, True, False, True)
+    state, found = after_three(CORRECTS, ground, at, range_m)
     assert state.standing == RANGE_USED
     assert found.bound_m == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_sample_is_carried_on_with_the_climb_until_the_tick() -> None:
-    sample = RangeSample(1, 0.9, 10.0)
-    at = vehicle(1.0, climb_mps=-2.0)
-    _, found = range_step(BOUNDS, LEVEL, NO_RANGE_STATE, sample, at, True, False, True)
+    """The oldest of three, 0.1 s old."""
+    _, found = after_three(
+        BOUNDS, LEVEL, vehicle(1.0, climb_mps=-2.0), 10.0, ages_s=(0.1, 0.1, 0.1)
+    )
     assert found.bound_m == pytest.approx(-0.2)
 
 
@@ -136,6 +154,42 @@ def test_one_or_two_short_readings_bring_no_ground_near(short: int) -> None:
     assert sensor.found.bound_m == pytest.approx(0.0, abs=0.05)
     sensor.fly((3 - short) / RATE_HZ, reading=lambda _, true_m: true_m - 2.5)
     assert sensor.found.bound_m == pytest.approx(-2.5, abs=0.05)
+
+
+@pytest.mark.parametrize("ground", [LEVEL, NO_GROUND])
+@pytest.mark.parametrize("short", [1, 2])
+def test_nor_do_they_after_a_gap(short: int, ground: Ground) -> None:
+    """There is no bound before the third, and what follows is not judged by them."""
+    sensor = Sensor(BOUNDS, ground).fly(1.0)
+    before = sensor.found.bound_m
+    sensor.time_s += 0.6
+    for k in range(4):
+        dust = (lambda _, true_m: true_m - 5.5) if k < short else (lambda _, true_m: true_m)
+        sensor.fly(1.0 / RATE_HZ, reading=dust)
+        assert isnan(sensor.found.bound_m) if k < 2 else sensor.found.bound_m > before - 0.1
+        assert sensor.state.standing == RANGE_USED
+
+
+@pytest.mark.parametrize("use", [RANGE_BOUNDS, RANGE_UNUSED])
+def test_asked_for_in_flight_it_corrects_no_faster_than_a_line_slides(use: int) -> None:
+    """Nor does a correction go faster that nothing asks for any more."""
+    bias: dict[str, Callable[[float], float]] = {"bias_m": lambda _: 2.5}
+    sensor = Sensor(RangeGains(use, 3.0)).fly(20.0, **bias)
+    assert sensor.found.correction_m == 0.0
+    for gains, after in ((CORRECTS, -2.5), (RangeGains(use, 3.0), 0.0)):
+        sensor.gains = gains
+        for _ in range(round(20.0 * RATE_HZ)):
+            before = sensor.found.correction_m
+            sensor.fly(1.0 / RATE_HZ, **bias)
+            assert abs(sensor.found.correction_m - before) <= 0.3 / RATE_HZ + 1e-9
+        assert sensor.found.correction_m == pytest.approx(after, abs=0.05)
+
+
+def test_on_the_ground_a_correction_ends_with_its_use() -> None:
+    sensor = Sensor().fly(1.0, bias_m=lambda _: 2.5, flying=False)
+    sensor.gains = RangeGains(RANGE_UNUSED, 3.0)
+    sensor.fly(1.0 / RATE_HZ, bias_m=lambda _: 2.5, flying=False)
+    assert (sensor.state, sensor.found) == (NO_RANGE_STATE, NO_GROUND_RANGE)
 
 
 @pytest.mark.parametrize("bias_m", [-4.0, 2.0, 4.0])

@@ -14,8 +14,9 @@ z_ground: the site's profile.  Where it is not known it counts as zero, and d me
 changes.  The sensor counts as being where the position is of: 0.1 m off is 0.1 m of height.
 
 **The bound.**  The ground is no farther than the largest of the last three d say, so that one or
-two readings that are too short (grass, an insect, dust) bring no ground near.  The margins take it
-where it is the nearer one, and never where it is the farther one: `GroundRange.bound_m`.
+two readings that are too short (grass, an insect, dust) bring no ground near: after a gap there is
+none before the third.  The margins take it where it is the nearer one, and never where it is the
+farther one: `GroundRange.bound_m`.
 
 **The correction** c, where RNG_USE allows it, is added to the height: a receiver's error in height
 changes by metres in minutes, and the line sinks with it.  With m the median of the last three d,
@@ -29,7 +30,8 @@ drifts by 0.12 m/s within that time, three times of which is 0.35 m/s.  RATE is 
 fast as a line slides (TGL_SLEW), which the law is made to follow.  The
 velocity is not corrected: it does not drift.  A ground that is farther than the position says would
 let the aircraft down, on one sensor's word: there half as much is allowed.  What lacks samples
-keeps c: it is the best guess for as long as 300 s ln 2.
+keeps c: it is the best guess for as long as 300 s ln 2.  In flight RNG_USE lets c begin at 0, and
+fade to it, no faster than RATE.
 
 **What is refused**, before it is a bound or corrects anything:
 
@@ -44,7 +46,8 @@ keeps c: it is the best guess for as long as 300 s ln 2.
                 the gate: ground comes into sight from afar, and what is suddenly near is no ground
 
 What was used LATE_S ago or longer refuses nothing: the height may have drifted since, or other
-ground lie below.  Then a sample is judged as the first in a flight; and if nothing was measured
+ground lie below.  Nor does what is used then before the third: one alone may be wrong.  A sample is
+judged as the first in a flight there; and if nothing was measured
 for as long, over a known ground it may be nearer by twice the gate, as where it is corrected.
 
 **What is refused may be right**: then its d stays while the aircraft moves.  That of a sensor that
@@ -117,7 +120,7 @@ class RangeState(NamedTuple):
     time_s: float  # of the last sample used; NaN: none of now
     standing: int  # how the last sample was taken: RANGE_…
     off_m: float  # d of the last sample used
-    off_1_m: float  # and of the two before it
+    off_1_m: float  # and of the two before it; NaN: after a gap
     off_2_m: float
     correction_m: float  # c
     known: bool  # one was used, and the position has not jumped since
@@ -212,9 +215,13 @@ def range_step(
     vehicle: by its position alone, not corrected.  certain: that may be flown with.  jumped: it
     was reset just now.
     """
-    if gains.use == RANGE_UNUSED or sample.sequence == 0:
-        return NO_RANGE_STATE, NO_GROUND_RANGE
     now = vehicle.time_s
+    if gains.use == RANGE_UNUSED or sample.sequence == 0:
+        left = 0.0 if jumped or not flying else _fading(state.correction_m, now - state.sound_s)
+        if left == 0.0:
+            return NO_RANGE_STATE, NO_GROUND_RANGE
+        state = NO_RANGE_STATE._replace(correction_m=left, sound_s=now)
+        return state, NO_GROUND_RANGE._replace(correction_m=left)
     silent = not abs(now - sample.time_s) <= LATE_S  # true for NaN
     back = state.time_s > now + LATE_S  # the clock: all that comes would be refused as late
     if jumped or back or (silent and not flying):
@@ -226,15 +233,20 @@ def range_step(
     elif silent:  # nothing is refused
         state = state._replace(sound_s=now)
     bound = NAN
-    if abs(now - state.time_s) <= LATE_S:  # false for NaN
+    if abs(now - state.time_s) <= LATE_S and isfinite(state.off_2_m):  # false for NaN
         bound = max(state.off_m, state.off_1_m, state.off_2_m)
-    corrects = gains.use == RANGE_CORRECTS and ground.points > 0
     return state, GroundRange(
         standing=state.standing,
         bound_m=bound,
-        correction_m=state.correction_m if corrects else 0.0,
+        correction_m=state.correction_m,
         refused=now - state.sound_s >= REFUSED_S,
     )
+
+
+def _fading(correction_m: float, interval_s: float) -> float:
+    """What is left of a correction that nothing asks for any more."""
+    most = CORRECTION_MPS * interval_s if 0.0 <= interval_s <= LATE_S else 0.0  # 0 for NaN
+    return correction_m - max(-most, min(most, correction_m))
 
 
 def _taken(
@@ -310,16 +322,20 @@ def _used(
     """With one more d, of ground at foot_m, in the bound and the correction."""
     interval = time_s - state.time_s
     follows = interval <= LATE_S  # false for NaN: the first
-    off_1 = state.off_m if follows else off_m
-    off_2 = state.off_1_m if follows else off_m
+    off_1 = state.off_m if follows else NAN
+    off_2 = state.off_1_m if follows else NAN
     correction = state.correction_m
-    if ground.points > 0 and certain and state.corrects:
-        middle = off_m + off_1 + off_2 - max(off_m, off_1, off_2) - min(off_m, off_1, off_2)
+    if gains.use != RANGE_CORRECTS:
+        correction = _fading(correction, interval)
+    elif ground.points > 0 and certain and state.corrects:
+        middle = off_m
+        if isfinite(off_2):
+            middle += off_1 + off_2 - max(off_m, off_1, off_2) - min(off_m, off_1, off_2)
         leans = RATIO * ground_slope(ground, foot_m)
         middle /= 1.0 + leans * leans
         if not flying and not state.known:
             correction = middle
-        elif follows:
+        elif isfinite(off_2):
             change = (middle - correction) * (1.0 - exp(-interval / CORRECTION_S))
             if flying:
                 most = CORRECTION_MPS * interval
@@ -354,7 +370,7 @@ def _is_ground(
         return False
     if not flying or (state.known and abs(off_m - state.off_m) <= gate_m):
         return True
-    if state.known and sample.time_s - state.time_s <= LATE_S:
+    if state.known and sample.time_s - state.time_s <= LATE_S and isfinite(state.off_2_m):
         return False
     if not ground_known:
         return height_m > gate_m
