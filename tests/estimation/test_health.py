@@ -434,6 +434,29 @@ def test_attitude_and_accelerometers(tilt_deg: float, agrees: bool) -> None:
     assert watch.health.faults & h.DISAGREES == 0
 
 
+@pytest.mark.parametrize(("before_deg", "after_deg"), [(0.0, 35.0), (35.0, 0.0)])
+def test_after_a_clock_that_went_back_they_are_compared_again(
+    before_deg: float, after_deg: float
+) -> None:
+    level = attitude(qw=1.0, qx=0.0, qy=0.0, qz=0.0)
+    watch = Watch().run(1280, imu=imu(before_deg), attitude=level)
+    assert (watch.health.faults & h.DISAGREES == 0) == (before_deg == 0.0)
+    watch.k = 0
+    watch.run(1000, imu=imu(after_deg), attitude=level)
+    assert (watch.health.faults & h.DISAGREES == 0) == (after_deg == 0.0)
+
+
+def test_a_sample_out_of_order_does_not_begin_the_comparison_anew() -> None:
+    """Every tenth is 0.1 s old."""
+
+    def late(inputs: Inputs, k: int) -> Any:
+        sample = imu(35.0)(inputs, k)
+        return sample._replace(time_s=sample.time_s - (0.1 if k % 10 == 0 else 0.0))
+
+    level = attitude(qw=1.0, qx=0.0, qy=0.0, qz=0.0)
+    assert Watch().run(1280, imu=late, attitude=level).health.faults & h.DISAGREES
+
+
 @pytest.mark.parametrize(("bank_deg", "agrees"), [(20.0, True), (25.0, False)])
 def test_a_turn_that_lasts_is_no_wrong_attitude_up_to_twenty_degrees(
     bank_deg: float, agrees: bool

@@ -266,7 +266,8 @@ def health_step(
         position, frame = _look_at_position(
             position, frame, inputs.position, now, not flying, stands
         )
-    if inputs.imu.sequence > 0 and not inputs.imu.time_s - tilt.time_s < TILT_STEP_S:
+    # Farther back than a sample out of order it is the clock that went.
+    if inputs.imu.sequence > 0 and not -STALE_S <= inputs.imu.time_s - tilt.time_s < TILT_STEP_S:
         tilt = _look_at_tilt(tilt, inputs)
     if commanding and inputs.surfaces.sequence > 0:
         surfaces = _look_at_surfaces(limits, surfaces, inputs, command, dt_s)
