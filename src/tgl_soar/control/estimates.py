@@ -231,7 +231,8 @@ def _air_read(
     with that fault."""
     params = wind_with_brake(laws, limited, flying, inputs.surfaces)
     elevator = _elevator(inputs, flying, limited.command)
-    pitot, wind = NO_PITOT_WATCH, before.wind  # in a hand the wing carries nothing
+    # In a hand the wing carries nothing: of a tube nothing is learnt there, and nothing forgotten.
+    pitot, wind = NO_PITOT_WATCH._replace(lies=before.pitot.lies), before.wind
     if flying and inputs.airspeed.sequence > 0:
         pitot = pitot_step(
             params.aerodynamics,
@@ -247,7 +248,8 @@ def _air_read(
         if not before.pitot.lies:  # it has had its part in what was known of the wind
             wind = initial_wind()
         inputs = inputs._replace(airspeed=NO_AIRSPEED)
-        health = health._replace(faults=health.faults | AIRSPEED_FAULT)
+        if flying:  # only there it can be believed again: engaging would be refused for ever
+            health = health._replace(faults=health.faults | AIRSPEED_FAULT)
     wind, air = wind_step(
         params,
         wind,
