@@ -108,7 +108,7 @@ def test_the_search_reads_the_air_without_the_propeller() -> None:
                 updraft_mps=updraft,
                 pitot=False,
                 seeks=True,
-                refused=False,
+                refused=None,
                 pushed_mps=pushed,
             )
             look = sighting_of(guards, glimpse)

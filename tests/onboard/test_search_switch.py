@@ -612,7 +612,7 @@ def glimpse_at(time_s: float, x_m: float, z_m: float, climb_mps: float) -> Glimp
         updraft_mps=1.2,
         pitot=True,
         seeks=True,
-        refused=False,
+        refused=None,
     )
 
 
@@ -727,7 +727,9 @@ def test_a_line_that_is_refused_is_not_asked_for_again(lean_max_deg: float) -> N
     asked: list[TargetLine] = []
     for k in range(1, 6):
         glimpse = glimpse_at(10.0 + LOOK_S * k, 0.6, 1.5 - 0.06 * k, -0.3)
-        answer = seeker.take(glimpse._replace(line=first.line, refused=bool(asked)))
+        answer = seeker.take(
+            glimpse._replace(line=first.line, refused=asked[-1] if asked else None)
+        )
         assert answer is not None
         if answer.target.eta_rad != ETA:
             asked.append(answer.target)

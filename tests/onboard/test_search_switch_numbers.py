@@ -171,7 +171,7 @@ def test_a_glimpse_has_the_means_since_the_one_before(bench: Bench) -> None:
     assert (seen.wind_mps, seen.updraft_mps) == pytest.approx((9.0, 1.5))
     assert seen.pushed_mps == pytest.approx(0.3)
     assert seen.now.time_s - seen.before.time_s == pytest.approx(0.2)
-    assert (seen.seeks, seen.refused, seen.search) == (False, False, 0)
+    assert (seen.seeks, seen.refused, seen.search) == (False, None, 0)
     # The next one begins from nothing.
     bench.tick(0.2, air=(5.0, -1.0))
     assert bench.engine.sent[1][3:5] == (5.0, -1.0)
@@ -265,7 +265,7 @@ def test_the_line_s_point_is_where_the_aircraft_is_to_settle(bench: Bench) -> No
     # The refusal is in the next glimpse, and in that one alone.
     bench.tick(0.2)
     bench.tick(0.2)
-    assert [each.refused for each in bench.engine.sent[-2:]] == [True, False]
+    assert [each.refused for each in bench.engine.sent[-2:]] == [LINE, None]
 
 
 def test_a_refusal_that_found_no_room_is_reported_again(bench: Bench) -> None:
@@ -277,7 +277,7 @@ def test_a_refusal_that_found_no_room_is_reported_again(bench: Bench) -> None:
     bench.engine.room = True
     bench.tick(0.2)
     bench.tick(0.2)
-    assert [each.refused for each in bench.engine.sent[-3:]] == [True, True, False]
+    assert [each.refused for each in bench.engine.sent[-3:]] == [LINE, LINE, None]
 
 
 def test_given_up_it_says_why_and_how_high(bench: Bench) -> None:

@@ -100,7 +100,7 @@ class SearchSwitch:
         # Of the glimpse that was answered last, or when one was asked first; NaN: none was.
         self._answered_s = NAN
         self._target: TargetLine | None = None  # the last that was taken
-        self._is_refused = False  # that one
+        self._refused: TargetLine | None = None  # of which the search was not told yet
         self._has_begun = False  # by itself, in this flight
 
     @property
@@ -233,7 +233,7 @@ class SearchSwitch:
                 updraft_mps=self._updraft / self._count,
                 pitot=output.air.measured,
                 seeks=self._seeks,
-                refused=self._is_refused,
+                refused=self._refused,
                 pushed_mps=self._pushed / self._count,
                 carried=can_hold(
                     self._settings.laws.throttle,
@@ -244,7 +244,7 @@ class SearchSwitch:
                 search=self._search,
             )
             if self._is_reported_to(engine) and engine.send(glimpse):
-                self._is_refused = False
+                self._refused = None
         self._before = output.vehicle
         self._wind = self._updraft = self._pushed = 0.0
         self._count = 0
@@ -278,7 +278,7 @@ class SearchSwitch:
         """A search begins or is over: answers to what was asked before are not this one's."""
         self._search += 1
         self._seeks = seeks
-        self._answered_s, self._target, self._is_refused = NAN, None, False
+        self._answered_s, self._target, self._refused = NAN, None, None
 
     def _follow(self, engine: SearchEngine, output: Output) -> None:
         """Take its answer; without one for too long, or without what it needs, it is over."""
@@ -322,7 +322,7 @@ class SearchSwitch:
         places = (*_settled_on(target, request.place_x_m, request.place_z_m), target[:2])
         lines = (TargetLine(x_m, z_m, target.eta_rad) for x_m, z_m in places)
         if not any(is_moved(self._settings, self._bounds, line) for line in lines):
-            self._is_refused = True
+            self._refused = target
 
     def _end(self, severity: int, text: str) -> None:
         """The line goes on to where it was sent last."""

@@ -234,7 +234,7 @@ def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Gr
         updraft_mps=0.0,
         pitot=True,
         seeks=True,
-        refused=False,
+        refused=None,
     )
     look = sighting_of(guards_of(task(ground)), glimpse)
     assert look is not None

@@ -10,7 +10,9 @@ from test_rollout import ETA, GUARDS, POLAR
 
 from tgl_soar.control.envelope import Fence
 from tgl_soar.control.search.glimpse import Glimpse, LineRequest, SearchTask
-from tgl_soar.control.search.lift_search import Seeker, sighting_of
+from tgl_soar.control.search.lift_search import LiftSearch, Seeker, Sighting, sighting_of
+from tgl_soar.control.search.plan import LinePlan
+from tgl_soar.control.search.search import SearchState
 from tgl_soar.control.target_line import LineLimits, LineTracking, TargetLine
 from tgl_soar.types import GRAVITY_MPS2, GROUND_POINTS, Ground
 
@@ -32,6 +34,21 @@ TASK = SearchTask(
 )
 LINE = LineTracking(x_m=0.0, z_m=10.0, eta_rad=ETA, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0)
 
+PLAN = LinePlan(
+    target=TargetLine(0.0, 10.0, ETA),
+    stays=True,
+    worth=1.0,
+    chance=1.0,
+    stay_chance=1.0,
+    stay_falls=True,
+    most_chance=1.0,
+    lasts_s=9.0,
+    place_x_m=0.0,
+    place_z_m=10.0,
+    margin_m=5.0,
+    holds_s=1e9,
+)
+
 
 def glimpse(time_s: float, **changed: Any) -> Glimpse:
     """At rest in 9 m/s, 10 m up."""
@@ -43,7 +60,7 @@ def glimpse(time_s: float, **changed: Any) -> Glimpse:
         "updraft_mps": 0.5,
         "pitot": True,
         "seeks": True,
-        "refused": False,
+        "refused": None,
     }
     return Glimpse(**{**usual, **changed})
 
@@ -95,6 +112,56 @@ def test_who_only_listens_keeps_the_map_and_begins_anew_when_a_line_is_wanted(
     assert (seeker.search.state, seeker.search.map) == (None, known)
 
 
+def test_a_map_is_older_by_as_long_as_nothing_was_heard(seeker: Seeker) -> None:
+    """As after minutes of beating: a trend is over, and of the wind less is known."""
+    for n in range(40):
+        seeker.take(glimpse(1.0 + 0.2 * n, wind_mps=9.0 * 0.996**n, seeks=False))
+    assert seeker.search is not None
+    known = seeker.search.map
+    falls, before_mps = known.trend[0], float(known.at([0.0], [10.0]).wind_sd_mps[0])
+    gusts = known.gusts_mps2
+    seeker.take(glimpse(600.0, wind_mps=9.0, seeks=False))
+    assert falls < -0.005
+    assert abs(known.trend[0]) < 1e-6
+    assert float(known.at([0.0], [10.0]).wind_sd_mps[0]) > 1.5 * before_mps
+    assert known.gusts_mps2 == pytest.approx(gusts, rel=0.1)  # one reading says little of them
+
+
+def test_a_clock_that_goes_back_makes_a_map_no_older(seeker: Seeker) -> None:
+    other = Seeker()
+    other.begin(TASK)
+    for n in range(10):
+        seeker.take(glimpse(601.0 + 0.2 * n, seeks=False))
+        other.take(glimpse(1.0 + 0.2 * n, seeks=False))
+    for each in (seeker, other):
+        each.take(glimpse(3.0, seeks=False))
+    assert seeker.search is not None
+    assert other.search is not None
+    assert seeker.search.map.trend == pytest.approx(other.search.map.trend)
+
+
+@pytest.mark.parametrize("newer", [False, True])
+def test_what_was_refused_is_left_out_and_not_what_was_asked_for_since(
+    seeker: Seeker, monkeypatch: pytest.MonkeyPatch, newer: bool
+) -> None:
+    """A slow search has asked for B before it hears that A was refused."""
+    a, b = TargetLine(2.0, 10.0, ETA), TargetLine(-2.0, 10.0, ETA)
+    asks = [a, b] if newer else [a]
+
+    def planned(_search: LiftSearch, _look: Sighting, state: SearchState) -> LinePlan:
+        target = asks.pop(0) if asks else state.target
+        return PLAN._replace(target=target, stays=target == state.target)
+
+    monkeypatch.setattr(LiftSearch, "planned", planned)
+    for k in range(3):
+        seeker.take(glimpse(1.0 + 0.2 * k))
+    request = seeker.take(glimpse(1.6, refused=a))
+    assert request is not None
+    assert request.target == (b if newer else TargetLine(0.0, 10.0, ETA))
+    assert seeker.search is not None
+    assert [line for _, line in seeker.search._refused] == [a]
+
+
 def test_another_search_begins_from_the_start_with_the_same_map(seeker: Seeker) -> None:
     asked(seeker, 1.0, search=1)
     assert seeker.search is not None
@@ -115,9 +182,10 @@ def test_a_line_that_was_refused_stays_where_it_is(seeker: Seeker) -> None:
     search = seeker.search
     assert search is not None
     assert search.state is not None
-    search.state = search.state._replace(target=TargetLine(2.0, 10.0, ETA))
+    there = TargetLine(2.0, 10.0, ETA)
+    search.state = search.state._replace(target=there)
     assert asked(seeker, 1.2).target.x_m == 2.0  # type: ignore[union-attr]
-    assert asked(seeker, 1.4, refused=True).target.x_m == 0.0  # type: ignore[union-attr]
+    assert asked(seeker, 1.4, refused=there).target.x_m == 0.0  # type: ignore[union-attr]
 
 
 HILL = Ground(1, (0.0,) * GROUND_POINTS, (1.0,) * GROUND_POINTS)

@@ -116,7 +116,7 @@ def test_what_was_refused_is_left_out_for_ten_seconds(
     assert search.state is not None
     there = TargetLine(3.0, 10.0, ETA)
     search.state = search.state._replace(target=there)
-    search.stays(look(3.0))
+    search.stays(look(3.0), there)
     assert search.state.target == TargetLine(0.0, 10.0, ETA)  # the line is where it is
     for time_s, refused in ((3.0, (there,)), (12.9, (there,)), (13.1, ()), (3.5, ())):
         search.planned(look(time_s), search.state)
@@ -128,7 +128,7 @@ def test_a_clock_that_goes_back_forgets_what_was_refused(
     search: LiftSearch, given: dict[str, Any], time_s: float
 ) -> None:
     search.seek(look(2.0))
-    search.stays(look(3.0))
+    search.stays(look(3.0), TargetLine(3.0, 10.0, ETA))
     assert search.state is not None
     search.planned(look(time_s), search.state)
     assert given["leeway"].refused == ()
@@ -138,7 +138,7 @@ def test_a_search_that_rests_begins_anew_with_the_same_map(
     search: LiftSearch, given: dict[str, Any]
 ) -> None:
     search.seek(look(2.0))
-    search.stays(look(2.0))
+    search.stays(look(2.0), TargetLine(3.0, 10.0, ETA))
     known = search.map
     search.rest()
     assert (search.state, search.plan) == (None, None)

@@ -57,7 +57,7 @@ def glimpses_of(flight: FlightData, begin_s: float, end_s: float) -> list[Glimps
                     updraft_mps=float(np.mean(since["updraft_mps"])) if len(since) else 0.0,
                     pitot=True,
                     seeks=False,
-                    refused=False,
+                    refused=None,
                 )
             )
         before = now

@@ -95,7 +95,7 @@ class SteeredFlight:
             updraft_mps=float(np.mean(since[:, COLUMN["air_updraft_mps"]])),
             pitot=self.pitot,
             seeks=True,
-            refused=False,
+            refused=None,
             pushed_mps=0.5 * (before.pushed_mps + now.pushed_mps),
             carried=can_hold(
                 self._throttle,

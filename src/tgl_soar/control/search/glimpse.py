@@ -65,7 +65,7 @@ class Glimpse(NamedTuple):
     updraft_mps: float
     pitot: bool
     seeks: bool  # a line is wanted; else it only listens
-    refused: bool  # the last line that was requested
+    refused: TargetLine | None  # that was requested, since the glimpse before
     pushed_mps: float = 0.0  # mean of the climb that a propeller gave
     carried: bool = False  # what is left of the throttle's budget can keep it from sinking
     search: int = 0  # the search that asks; another number: another search

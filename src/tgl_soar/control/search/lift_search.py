@@ -5,7 +5,7 @@ The map listens to every glimpse; a plan is made, and the line moved, only where
 
 from __future__ import annotations
 
-from math import hypot, isfinite, pi
+from math import hypot, inf, isfinite, pi
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -127,6 +127,7 @@ class LiftSearch:
         self.plan: LinePlan | None = None  # the last
         self.leans_rad = (0.0, pi)  # the inclinations that a line may have
         self._refused: list[tuple[float, TargetLine]] = []  # since when, and the line
+        self._heard_s = inf  # when the last reading was
         self._map: LiftMap | None = None
         self._grid: Grid | None = None
         self._normals = np.zeros((DRAWS, 0))
@@ -159,8 +160,10 @@ class LiftSearch:
             rng = np.random.default_rng(0)
             self._normals = rng.normal(size=(DRAWS, self._map.basis.count))
             self._trend_normals = rng.normal(size=DRAWS)
+        unheard_s = look.time_s - look.dt_s - self._heard_s
+        self._heard_s = look.time_s
         try:
-            self._map.take(reading)
+            self._map.take(reading, unheard_s if unheard_s > 0.5 * look.dt_s else 0.0)
         except np.linalg.LinAlgError:  # what no aircraft measures
             self._map = self._grid = None
 
@@ -169,13 +172,15 @@ class LiftSearch:
         self.state = self.plan = None
         self._refused = []
 
-    def stays(self, look: Sighting) -> None:
-        """The line that it requested was refused: it is where it is, and that one is left out."""
+    def stays(self, look: Sighting, refused: TargetLine) -> None:
+        """A line that it requested was refused, and is left out: the line is where it is, unless
+        another was requested since."""
         line = look.moving.line
         if self.state is not None:
-            self._refused.append((look.time_s, self.state.target))
-            here = TargetLine(line.x_m, line.z_m, line.eta_rad)
-            self.state = self.state._replace(target=here)
+            self._refused.append((look.time_s, refused))
+            if self.state.target == refused:
+                here = TargetLine(line.x_m, line.z_m, line.eta_rad)
+                self.state = self.state._replace(target=here)
 
     def seek(self, look: Sighting, *, plans: bool = True) -> LineRequest:
         """Where the line is to go, after `listen`; plans: a plan may be made."""
@@ -277,8 +282,8 @@ class Seeker:
         if glimpse.search != self._number:
             self._number = glimpse.search
             self.search.rest()
-        if glimpse.refused:
-            self.search.stays(look)
+        if glimpse.refused is not None:
+            self.search.stays(look, glimpse.refused)
         if not glimpse.seeks:
             self.search.rest()
             return None
