@@ -11,6 +11,7 @@ from test_rollout import BOX, ETA, GRID, GUARDS, LEVEL, POLAR, at_rest
 from tgl_soar.control.search.plan import (
     DISTANCES,
     FACTORS,
+    HOLDS_S,
     Leeway,
     allowed,
     candidates,
@@ -18,9 +19,10 @@ from tgl_soar.control.search.plan import (
     plan_in,
     worths,
 )
-from tgl_soar.control.search.rollout import Fields, Lines, Rollouts
+from tgl_soar.control.search.rollout import Fields, Grid, Lines, Rollouts
 from tgl_soar.control.target_line import TargetLine
-from tgl_soar.types import polar_sink
+from tgl_soar.estimation.lift_map.basis import Box, FlowBasis
+from tgl_soar.types import Ground, polar_sink
 
 HERE = TargetLine(0.0, 10.0, ETA)
 assert LEVEL.points == 1
@@ -40,6 +42,25 @@ def test_it_stays_where_it_soars() -> None:
     assert plan.target == HERE
     assert plan.chance == plan.stay_chance == 1.0
     assert plan.margin_m > 5.0
+
+
+def test_over_a_slope_too_the_rim_is_the_height_at_which_it_gives_up() -> None:
+    """Of 45 degrees: 5.5 m over it the clearance along its normal is 3.9 m, beyond CLEAR_MIN."""
+    slope = Ground(2, (-8.0, 8.0, *(0.0,) * 6), (-6.0, 10.0, *(0.0,) * 6))
+    guards = GUARDS._replace(
+        ground=slope, box=Box(-8.0, 8.0, -6.0, 18.0), clearance_m=3.0, landing_m=4.5
+    )
+    grid = Grid(FlowBasis(slope, guards.box), slope)
+    _, z = np.meshgrid(grid.x_m, grid.z_m, indexing="ij")
+    w = polar_sink(POLAR, 9.0) + 0.3 * (7.5 - z.reshape(1, -1).repeat(4, axis=0))
+    fields = Fields(np.full_like(w, 9.0), w, np.ones(4))
+    here = TargetLine(0.0, 7.5, ETA)
+    still = at_rest()._replace(z_m=7.5)
+    still = still._replace(line=still.line._replace(z_m=7.5))
+    plan = plan_in(grid, fields, POLAR, guards, still, here, 0.001, keep_worth=-9.0)
+    assert plan.stay_chance == 1.0
+    assert plan.holds_s > HOLDS_S
+    assert plan.worth > 1.0
 
 
 def test_it_goes_to_the_lift() -> None:

@@ -38,6 +38,7 @@ GUARDS = Guards(
     line=LineLimits(0.5, 0.5, radians(5.0)),
 )
 GRID = Grid(FlowBasis(LEVEL, BOX), LEVEL)
+RAISED = GRID.above(GUARDS)  # for wells
 ETA = eta_from_lean(radians(15.0))
 WIND_MPS = 9.0
 
@@ -201,13 +202,13 @@ def test_the_well_is_that_of_a_parabola() -> None:
     air = fields(falls, -0.2)
     lines = Lines(np.array([0.0]), np.array([10.0]), np.array([ETA]))
     leverage = sin(ETA) - polar_slope(POLAR, WIND_MPS) * cos(ETA)
-    well = wells(GRID, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 2.0)
+    well = wells(RAISED, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 2.0)
     rate = 0.2 * sin(ETA) / leverage
     assert well.rate_per_s[0] == pytest.approx(rate, rel=0.02)
     # Down to the height at which the search gives up: 8.5 m below.
     assert well.depth_m2ps[0] == pytest.approx(0.5 * rate * (8.5 / sin(ETA)) ** 2, rel=0.06)
-    calm = wells(GRID, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 1e-6)
-    rough = wells(GRID, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 50.0)
+    calm = wells(RAISED, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 1e-6)
+    rough = wells(RAISED, air, POLAR, GUARDS, lines, np.array([0.0]), np.array([10.0]), 50.0)
     assert calm.holds_s[0] > well.holds_s[0] > rough.holds_s[0]
 
 
@@ -242,7 +243,7 @@ def test_a_place_holds_for_kramers_time_or_for_that_of_gusts_alone(
     leverage = sin(ETA) - polar_slope(POLAR, WIND_MPS) * cos(ETA)
     air = fields(falls, -0.2)
     at = np.array([0.0]), np.array([10.0])
-    well = wells(GRID, air, POLAR, GUARDS, lines, *at, diffusion_m2ps)
+    well = wells(RAISED, air, POLAR, GUARDS, lines, *at, diffusion_m2ps)
     along = diffusion_m2ps / leverage**2
     way = 8.5 / sin(ETA)
     turn_s, spread_s = 2.0 * np.pi / float(well.rate_per_s[0]), way**2 / (2.0 * along)
@@ -251,8 +252,10 @@ def test_a_place_holds_for_kramers_time_or_for_that_of_gusts_alone(
     assert well.holds_s[0] == pytest.approx(expected, rel=0.06 if in_gusts_alone else 1e-6)
     # In the first field alone, and with its own scale of the sink.
     both = Fields(*(np.concatenate([part, 3.0 * part]) for part in air))
-    assert wells(GRID, both, POLAR, GUARDS, lines, *at, diffusion_m2ps) == well
-    sinking = wells(GRID, air._replace(sink_scale=np.array([1.5])), POLAR, GUARDS, lines, *at, 1.5)
+    assert wells(RAISED, both, POLAR, GUARDS, lines, *at, diffusion_m2ps) == well
+    sinking = wells(
+        RAISED, air._replace(sink_scale=np.array([1.5])), POLAR, GUARDS, lines, *at, 1.5
+    )
     assert sinking.depth_m2ps[0] < 0.7 * well.depth_m2ps[0]
 
 
@@ -274,12 +277,12 @@ def test_a_rim_is_where_a_guard_is_left(changes: dict[str, object]) -> None:
     guards = GUARDS._replace(**changes)  # type: ignore[arg-type]
     # The grid's own box stays: the guards alone move.
     well = wells(
-        *(GRID, fields(falls, -0.2), POLAR, GUARDS._replace(box=BOX), lines),
+        *(RAISED, fields(falls, -0.2), POLAR, GUARDS._replace(box=BOX), lines),
         *(np.array([0.0]), np.array([10.0]), 1.0),
     )
     reach = 0.5 * guards.box.height_m
     near = wells(
-        *(GRID, fields(falls, -0.2), POLAR, guards, lines),
+        *(GRID.above(guards), fields(falls, -0.2), POLAR, guards, lines),
         *(np.array([0.0]), np.array([10.0]), 1.0),
     )
     rim = min(3.0 / sin(ETA), reach)

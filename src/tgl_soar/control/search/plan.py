@@ -164,8 +164,8 @@ def likely_fields(
 def worths(
     out: Rollouts, horizon_s: float, height_m: float, landing_m: float, lull_mps: float
 ) -> Floats:
-    """The worth of each rollout (m, n); landing_m: the height at which a sinking one is over;
-    lull_mps: standard deviation of the wind's means over LULL_S."""
+    """The worth of each rollout (m, n); landing_m: the height at which a sinking one is over, at
+    the latest: the fence's floor; lull_mps: standard deviation of the wind's means over LULL_S."""
     margin = np.tanh(np.maximum(out.margin_m, 0.0) / (MARGIN_FRACTION * height_m))
     aside = np.tanh(np.maximum(out.speed_margin_mps, 0.0))
     slow = (FLOWN_THROUGH_MPS + lull_mps - out.speed_margin_mps) / FLOWN_THROUGH_MPS
@@ -206,9 +206,10 @@ def plan_in(
     horizon = horizon_of(height)
     lines = candidates(now, target, height, guards.line.acceleration_mps2)
     lines = allowed(lines, now, height, leeway)
-    out = roll(grid.above(guards), fields, polar, guards, now, lines, horizon, STEPS)
+    raised = grid.above(guards)
+    out = roll(raised, fields, polar, guards, now, lines, horizon, STEPS)
     soars = ~np.isfinite(out.failed_s) & (out.climb_mps > CLIMB_LEAST_MPS)
-    well = wells(grid, fields, polar, guards, lines, out.x_m[0], out.z_m[0], diffusion_m2ps)
+    well = wells(raised, fields, polar, guards, lines, out.x_m[0], out.z_m[0], diffusion_m2ps)
     shallow = np.where(soars[0], 1.0 - np.minimum(well.holds_s / HOLDS_S, 1.0), 0.0)
     lull = float(np.sqrt(2.0 * diffusion_m2ps / LULL_S))
     held = soars[:, 0] & (out.speed_margin_mps[:, 0] >= FLOWN_THROUGH_MPS + lull)

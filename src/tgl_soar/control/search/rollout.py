@@ -300,7 +300,7 @@ def wells(
     diffusion D = ½ σ_w² τ / c² carry the aircraft over a rim ΔV high in (2π/λ) e^(ΔV/D) (Kramers);
     where that is hardly a rim, in the time L²/2D that gusts alone take for the way L to it.
     A guard is a rim as well: what lies beyond it is lost.  So is the height at which the search
-    gives up.
+    gives up, with `Grid.above`.
     """
     reach, count = 0.5 * guards.box.height_m, 48
     path = np.linspace(-reach, reach, 2 * count + 1)
@@ -314,7 +314,7 @@ def wells(
     drift = (w - scale * sink(polar, u)) / leverage
     box = guards.box
     allowed = (
-        (grid.clearance(x, z) > max(guards.clearance_m, guards.landing_m))
+        (grid.clearance(x, z) > guards.clearance_m)
         & (x > box.x_min_m) & (x < box.x_max_m) & (z > box.z_min_m) & (z < box.z_max_m)
         & (u > guards.speed_min_mps) & (u < guards.speed_max_mps)
     )  # fmt: skip
