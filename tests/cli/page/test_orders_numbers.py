@@ -9,7 +9,8 @@ import pytest
 from tgl_soar.cli.page.orders import ABORT, ENGAGE, RELEASE, RESULTS, WAITING, Done, Orders
 from tgl_soar.cli.page.settling_preview import GhostLine
 from tgl_soar.cli.page.station import StationAnswer
-from tgl_soar.config.line_changes import DROPPED
+from tgl_soar.config.line_changes import DROPPED, Answer, LineChanges
+from tgl_soar.config.parameters import ParameterError, ParameterSet
 
 LINE = {"TGL_X": 0.25, "TGL_Z": 1.25, "TGL_LEAN": 15.0}
 THERE = GhostLine(0.5, 1.5, 15.0)
@@ -212,7 +213,7 @@ def test_each_step_of_a_move_has_its_own_time() -> None:
     assert len(told.taken()) == 2
 
 
-@pytest.mark.parametrize(("stage", "steps"), [(0.0, ["TGL_X"]), (2.0, ["TGL_X"]),
+@pytest.mark.parametrize(("stage", "steps"), [(0.0, ["TGL_X"]), (2.0, ["TGL_STAGE"]),
                                               (1.0, ["TGL_STAGE"])])  # fmt: skip
 def test_one_number_is_set_by_itself_unless_the_module_stages(
     stage: float, steps: list[str]
@@ -221,6 +222,41 @@ def test_one_number_is_set_by_itself_unless_the_module_stages(
     told.orders.move("Anna", GhostLine(0.5, 1.25, 15.0))
     told.orders.step(100.0)
     assert [name for name, _ in told.taken()] == steps
+
+
+class Module(Told):
+    """A station whose module answers at once, by the module's own code."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.changes = LineChanges()
+        self.take(Answer(ParameterSet(), (*LINE, "TGL_STAGE", "TGL_PLACE")))
+
+    def take(self, answer: Answer) -> None:
+        self.values = answer.values
+        for name in answer.reported:
+            self.echo(name, self.changes.shown(self.values, name))
+
+    def set(self, name: str, value: float) -> None:
+        try:
+            self.take(self.changes.set(self.values, name, value, flying=True))
+        except ParameterError:
+            self.refuse(name)
+
+
+def test_after_a_staged_move_that_was_left_one_number_is_moved_all_the_same() -> None:
+    module = Module()
+    module.set("TGL_STAGE", 1.0)
+    module.take(module.changes.leave(module.values))
+    assert module.parameters["TGL_STAGE"] == DROPPED
+    line = module.orders.line()
+    assert line is not None
+    module.orders.move("Anna", line._replace(z_m=line.z_m + 0.125))
+    for tick in range(10):
+        module.orders.step(100.0 + 0.1 * tick)
+    assert [done.ok for done in module.done] == [True]
+    assert module.values["TGL_Z"] == line.z_m + 0.125
+    assert module.values["TGL_STAGE"] == 0.0
 
 
 def test_a_refused_move_takes_back_what_undo_would_have_and_what_is_staged() -> None:
@@ -284,6 +320,27 @@ def test_a_preset_is_a_parameter_and_can_be_taken_back() -> None:
     told.echo("TGL_STAGE", 1.0)
     told.orders.step(100.15)
     assert sorted(told.taken())[-2:] == [("TGL_X", 0.25), ("TGL_Z", 1.25)]
+
+
+@pytest.mark.parametrize("name", ["TGL_X", "TGL_Z", "TGL_LEAN", "TGL_PLACE", "TGL_PRESET"])
+def test_a_parameter_that_moves_the_line_can_be_taken_back(name: str) -> None:
+    told = Told(TGL_PLACE=-1.0, TGL_PRESET=0.0)
+    told.orders.set("Anna", name, told.parameters[name])  # moves nothing
+    told.orders.step(100.0)
+    told.orders.step(100.05)
+    assert told.orders.undo_count == 0
+    told.orders.set("Anna", name, 2.0)
+    told.orders.step(100.1)
+    told.echo(name, 2.0)
+    told.parameters.update(TGL_X=2.0, TGL_Z=2.0)
+    told.orders.step(100.15)
+    assert told.words[-1] == (True, f"{name} = 2: confirmed")
+    assert told.orders.undo_count == 1
+    assert told.orders._undo[0] == tuple(LINE.values())
+    told.orders.set("Anna", name, 3.0)
+    told.orders.step(100.2)
+    told.refuse(name)
+    assert told.orders.undo_count == 1
 
 
 def test_there_is_an_undo_for_each_place_of_the_line_and_fifty_at_most() -> None:

@@ -51,6 +51,7 @@ RESULTS: Final = {
     RESULT_CANCELLED: "disengaged before the line was reached",
 }
 WAITING: Final = 32  # changes of parameters at most
+MOVING: Final = (*LINE, "TGL_PRESET", "TGL_PLACE")  # parameters that move the line
 
 
 class OrderStation(Protocol):
@@ -148,7 +149,9 @@ class Orders:
         if not changes:
             return
         words = f"line to x {wanted.x_m:.2f} m, z {wanted.z_m:.2f} m, lean {wanted.lean_deg:.1f}°"
-        is_staging = self._station.parameters.get("TGL_STAGE") == 1.0
+        # Other than 0: somebody stages, or what was staged was dropped, and single numbers may be
+        # refused until a move is staged again.
+        is_staging = self._station.parameters.get("TGL_STAGE", 0.0) != 0.0
         staged = len(changes) > 1 or is_staging
         steps = [{"TGL_STAGE": 1.0}, changes, {"TGL_STAGE": 0.0}] if staged else [changes]
         if keeps_undo:
@@ -165,15 +168,19 @@ class Orders:
         self._add(_Change(who, f"line {name}", [{"TGL_PRESET": float(number)}], is_line=True))
 
     def undo(self, who: str) -> None:
-        """The line where it stood before the last move of this page."""
+        """The line where it stood before the last move, whoever made it."""
         if self._undo:
             self.move(who, self._undo.pop(), keeps_undo=False)
         else:
             self._done(Done(who, False, "nothing to undo"))
 
     def set(self, who: str, name: str, value: float) -> None:
-        """Set one parameter."""
-        self._add(_Change(who, f"{name} = {value:g}", [{name: as_wire_value(value)}]))
+        """Set one parameter; one that moves the line can be taken back."""
+        value, now = as_wire_value(value), self.line()
+        is_line = name in MOVING
+        if is_line and now is not None and self._station.parameters.get(name) != value:
+            self._remember(now)
+        self._add(_Change(who, f"{name} = {value:g}", [{name: value}], is_line=is_line))
 
     def command(self, who: str, number: int) -> None:
         """Engage, release or abort."""
