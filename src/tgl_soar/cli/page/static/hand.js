@@ -64,7 +64,7 @@ export class Hand {
     const { requested } = this.plane;
     if (this.drag.kind === "turn") {
       const lean = Math.atan2(requested.x - place.x, place.z - requested.z) * DEG;
-      requested.lean = Math.round(Math.max(-60, Math.min(60, lean)) * 10) / 10;
+      requested.lean = degrees(lean);
     } else {
       requested.x = centimetres(place.x + this.drag.dx);
       requested.z = centimetres(place.z + this.drag.dz);
@@ -84,7 +84,7 @@ export class Hand {
 
   pressed(event) {
     if (event.key === "Escape") { this.cancel(); return; }
-    if (event.key === "Enter" && this.plane.requested) { this.send(); return; }
+    if (event.key === "Enter" && this.plane.requested && !this.drag) { this.send(); return; }
     const step = event.shiftKey ? 0.1 : 0.01;
     const change = {
       ArrowLeft: { x: -step }, ArrowRight: { x: step }, ArrowUp: { z: step }, ArrowDown: { z: -step },
@@ -95,7 +95,7 @@ export class Hand {
     this.plane.svg.classList.remove("by-pointer");
     const requested = this.plane.requested ?? { ...this.model.line };
     this.plane.requested = requested;
-    if (change.lean) requested.lean = Math.round((requested.lean + change.lean) * 10) / 10;
+    if (change.lean) requested.lean = degrees(requested.lean + change.lean);
     if (change.x) requested.x = centimetres(requested.x + change.x);
     if (change.z) requested.z = centimetres(requested.z + change.z);
     if (this.along && !change.lean) this.snap(requested);
@@ -170,4 +170,5 @@ export class Hand {
 // What is done to the line where it is taken; undefined: it is not taken there.
 const kindOf = (target) => ({ "point-handle": "move", "line-grip": "move", "lean-handle": "turn", "along-handle": "along" })[target.id];
 
+const degrees = (lean) => Math.round(Math.max(-60, Math.min(60, lean)) * 10) / 10;
 const centimetres = (value) => Math.round(value * 100) / 100;

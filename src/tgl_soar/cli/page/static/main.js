@@ -118,7 +118,7 @@ async function begin() {
   });
 
   let waits = false;
-  let starts = 0;
+  let starts = null; // of the module, as the last frame counted them
   const measured = [];
   const paint = () => {
     waits = false;
@@ -165,8 +165,8 @@ async function begin() {
   }
   const onFrame = (frame) => {
     model.apply(frame);
-    if (model.starts !== starts) {
-      if (model.starts > starts) notices(Object.assign(model, { notices: [{ ok: false, text: "The module has been started again: it is not engaged." }] }));
+    if ("starts" in frame && model.starts !== starts) {
+      if (starts !== null && model.starts > starts) model.notices.push({ ok: false, text: "The module has been started again: it is not engaged." });
       starts = model.starts;
       hand.cancel();
     }

@@ -2,6 +2,7 @@
 // A flight fills it by frames, a recording by its slider; what draws does not know which.
 
 export const HISTORY_S = 60;
+const NOTICES = 50; // that wait to be shown: a window in the background draws nothing
 
 export class Model {
   constructor(scene) {
@@ -72,7 +73,8 @@ export class Model {
       if (i >= 0) this.texts[i] = text; else this.texts.push(text);
     }
     if (this.texts.length > 200) this.texts.splice(0, this.texts.length - 200);
-    this.notices = frame.notices ?? [];
+    this.notices.push(...(frame.notices ?? [])); // whoever shows them takes them away
+    if (this.notices.length > NOTICES) this.notices.splice(0, this.notices.length - NOTICES);
   }
 
   column(name) {

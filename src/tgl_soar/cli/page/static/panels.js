@@ -28,7 +28,7 @@ function gauges({ now, parameters: p, alive, silence_s: silence, isRecording, sc
   const list = [];
   const add = (name, text, near) => list.push({ name, text, near: known(near) ? Math.max(0, Math.min(1.2, near)) : null });
   const height = now.clearance;
-  add("height over the ground", fixed(height, 2, "m"), p.CLEAR_MIN > 0 ? p.CLEAR_MIN / height : null);
+  add("height over the ground", fixed(height, 2, "m"), p.CLEAR_MIN > 0 && known(height) ? (height > 0 ? p.CLEAR_MIN / height : 1.2) : null);
   add("margin to the stall", fixed(now.stall, 1, "°"), known(now.stall) ? 1 - now.stall / 8 : null);
   add("place to settle", ...settling(now, p, scene.forecasts));
   if (known(now.esc_left)) add("height left for landing", ...wayHome(now));

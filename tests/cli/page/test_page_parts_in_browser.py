@@ -1,0 +1,118 @@
+"""Parts of the page in a real browser, without a flight: frames are put into it as the server's."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from free_ports import free_port
+from page_flight import TOKEN, Served, desk_on
+from page_window import PageWindow
+
+pytest.importorskip("starlette", reason="the extra `page` is not installed")
+pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("no chromium (Debian: apt install chromium)", allow_module_level=True)
+
+pytestmark = pytest.mark.xdist_group("page in a browser")
+LINE = "{TGL_X: 0.2, TGL_Z: 1.15, TGL_LEAN: 15.0, CLEAR_MIN: 0.3}"
+KEY = "new KeyboardEvent('keydown', {key: '%s', shiftKey: true, cancelable: true})"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    server = Served(desk_on(free_port()))
+    yield server
+    server.end()
+
+
+def window_on(browser: Any, served: Served) -> PageWindow:
+    page = browser.new_page()
+    page.goto(served.address)
+    assert served.address.endswith(TOKEN)
+    window = PageWindow(page)
+    window.until(lambda: window.value("m?.connected && m.pages > 0"))
+    window.page.evaluate(f"page.live.onFrame({{parameters: {LINE}, alive: true}})")
+    return window
+
+
+def test_a_page_that_is_opened_later_reports_no_restart_that_it_did_not_see(
+    browser: Any, served: Served
+) -> None:
+    station = served.desk.station
+    station.starts = 1
+    window = window_on(browser, served)
+    window.until(lambda: window.value("m.starts === 1"))
+    window.page.wait_for_timeout(200.0)
+    assert window.page.inner_text("#notices") == ""
+    frame = "{starts: 2, notices: [{ok: false, text: 'z: refused'}]}"
+    window.page.evaluate(f"page.live.onFrame({frame})")
+    window.until(lambda: "started again" in window.page.inner_text("#notices"))
+    assert "z: refused" in window.page.inner_text("#notices")
+    window.page.close()
+
+
+def test_notices_of_all_frames_between_two_drawings_are_shown(browser: Any, served: Served) -> None:
+    window = window_on(browser, served)
+    window.page.evaluate(
+        "() => { const tell = (text) => page.live.onFrame({notices: [{ok: true, text}]});"
+        " tell('first'); tell('second'); page.live.onFrame({received: 1}); }"
+    )
+    window.until(lambda: "second" in window.page.inner_text("#notices"))
+    assert "first" in window.page.inner_text("#notices")
+    assert window.value("m.notices.length") == 0
+    many = "for (let i = 0; i < 99; i++) m.apply({notices: [{ok: true, text: `${i}`}]})"
+    kept = window.page.evaluate(
+        f"() => {{ const m = page.model; {many}; return m.notices.map((n) => n.text); }}"
+    )
+    assert kept == [str(i) for i in range(49, 99)]
+    window.page.close()
+
+
+@pytest.mark.parametrize(
+    ("clearance", "level"),
+    [(3.0, "good"), (0.2, "bad"), (0.0, "bad"), (-0.2, "bad"), ("NaN", "none")],
+)
+def test_the_gauge_of_the_height_is_red_below_its_limit_and_below_the_ground(
+    clearance: Any, level: str, browser: Any, served: Served
+) -> None:
+    window = window_on(browser, served)
+    window.page.evaluate(f"page.live.onFrame({{now: {{clearance: {clearance}}}}})")
+    row = "[...document.querySelectorAll('#gauge-list > *')].find((r) => r.textContent"
+    row += ".startsWith('height over the ground'))"
+    window.until(lambda: window.value(f"{row}?.dataset.level") == level, 20.0)
+    window.page.close()
+
+
+def test_keys_lean_the_line_no_further_than_the_hand_and_enter_leaves_a_drag_alone(
+    browser: Any, served: Served
+) -> None:
+    window = window_on(browser, served)
+    for key, lean in (("}", 60), ("{", -60)):
+        found = window.page.evaluate(
+            f"() => {{ for (let i = 0; i < 60; i++) page.hand.pressed({KEY % key});"
+            " const { lean } = page.plane.requested; page.hand.cancel(); return lean; }"
+        )
+        assert found == lean
+    window.page.mouse.move(*window.at((0.2, 1.15)))
+    window.page.mouse.down()
+    window.page.mouse.move(*window.at((0.3, 1.25)), steps=3)
+    window.page.keyboard.press("Enter")
+    window.page.mouse.move(*window.at((0.4, 1.35)), steps=3)
+    assert window.value("page.plane.requested?.x") == pytest.approx(0.4, abs=0.02)
+    window.page.mouse.up()
+    assert window.value("page.hand.drag === null && page.plane.requested === null")
+    assert window.value("m.connected")
+    window.page.close()
