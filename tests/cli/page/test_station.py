@@ -105,6 +105,20 @@ def test_control_characters_and_endless_texts_are_cut() -> None:
     listener, sender = station(), module()
     hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"a\x1b[31m\nb", 0, 0))
     assert listener.texts[-1].text == "a?[31m?b"
+def test_a_piece_whose_text_has_lost_one_is_put_behind_no_other() -> None:
+    listener, sender = station(), module()
+
+    def text(words: bytes, number: int = 0, piece: int = 0) -> Any:
+        return mavlink.MAVLink_statustext_message(4, words, number, piece)
+
+    hear(listener, sender, text(b"ready: can be engaged"), text(b" is outside the fence", 9, 1))
+    hear(listener, sender, text(b"one ", 10), text(b"three", 10, 2), text(b" four", 10, 3))
+    hear(listener, sender, text(b"other ", 11), text(b"no part of it", 12, 1))
+    shown = [each.text for each in listener.texts]
+    assert shown[:2] == ["ready: can be engaged", " is outside the fence"]
+    assert shown[2:] == ["one ", "three four", "other ", "no part of it"]
+
+
     for i in range(100):
         hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"y" * 50, 3, i))
     assert len(listener.texts[-1].text) == 250

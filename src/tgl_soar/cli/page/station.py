@@ -118,6 +118,7 @@ class Station:
             signing.secret_key, signing.sign_outgoing = key, True
             signing.timestamp = int((wall_s - 1_420_070_400.0) * 1e5)
             signing.link_id = own_system
+        self._next_piece = ("", 0, 0)  # of the last text: source, its id, the number of the piece
 
     # --- in -------------------------------------------------------------------------------------
 
@@ -194,14 +195,15 @@ class Station:
         self.now["battery"] = percent * 1e-2 if 0 <= percent <= 100 else float("nan")
 
     def _take_text(self, message: Any, wall_s: float, source: str) -> None:
-        """A text; a piece of a long one is put behind those before it."""
+        """A text; a piece of a long one is put behind those before it, if none is missing."""
         words = "".join(c if c.isprintable() else "?" for c in str(message.text).rstrip("\0"))
-        last = self.texts[-1] if self.texts else None
         self.text_number += 1
         first = self.text_number
-        if message.id and message.chunk_seq and last is not None and last.source == source:
+        piece = source, int(message.id), int(message.chunk_seq)
+        if message.id and message.chunk_seq and piece == self._next_piece:
+            last = self.texts.pop()
             words, first = (last.text + words)[:LONGEST_TEXT], last.first
-            self.texts.pop()
+        self._next_piece = (*piece[:2], piece[2] + 1)
         self.texts.append(
             Text(
                 number=self.text_number,
