@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from math import inf, nan
 from random import Random
+from socket import AF_INET, SOCK_DGRAM, socket
+from time import time
 from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import pytest
+from free_ports import free_port
 from page_flight import AIRFRAME, SITE, Flown
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.cli.page.browser_requests import Look
+from tgl_soar.cli.page.command import live_desk
 from tgl_soar.cli.page.desk import Desk
 from tgl_soar.cli.page.scene import place_of
 from tgl_soar.cli.page.station import ROW, Station, number, without_others
@@ -101,10 +105,6 @@ def test_a_text_in_pieces_is_one_text_and_markup_is_text() -> None:
     assert (shown.severity, shown.source, shown.first) == (4, "module", 1)
 
 
-def test_control_characters_and_endless_texts_are_cut() -> None:
-    listener, sender = station(), module()
-    hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"a\x1b[31m\nb", 0, 0))
-    assert listener.texts[-1].text == "a?[31m?b"
 def test_a_piece_whose_text_has_lost_one_is_put_behind_no_other() -> None:
     listener, sender = station(), module()
 
@@ -119,6 +119,10 @@ def test_a_piece_whose_text_has_lost_one_is_put_behind_no_other() -> None:
     assert shown[2:] == ["one ", "three four", "other ", "no part of it"]
 
 
+def test_control_characters_and_endless_texts_are_cut() -> None:
+    listener, sender = station(), module()
+    hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"a\x1b[31m\nb", 0, 0))
+    assert listener.texts[-1].text == "a?[31m?b"
     for i in range(100):
         hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"y" * 50, 3, i))
     assert len(listener.texts[-1].text) == 250
@@ -178,6 +182,51 @@ def test_with_a_key_it_signs_and_hears_only_what_is_signed() -> None:
     listener.command(mavlink.MAV_CMD_USER_1, 0)
     (frame,) = listener.take_datagrams()
     assert frame[2] & 1  # signed
+
+
+def signed_beat(sender: Any) -> bytes:
+    sender.seq = (sender.seq + 1) % 256
+    return bytes(beat(5, 4).pack(sender))
+
+
+def test_with_a_key_only_who_signs_is_answered_and_no_record_of_it() -> None:
+    listener = station(KEY)
+    frames = [signed_beat(module()), signed_beat(module(bytes(31) + b"x")), b"", b"\xfd" * 30]
+    assert not any(map(listener.vouches, frames))
+    sender = module(KEY)
+    first, second = signed_beat(sender), signed_beat(sender)
+    assert listener.vouches(first)
+    assert listener.vouches(first)  # to ask changes nothing
+    listener.receive(first, 10.0, 1.8e9)
+    assert not listener.vouches(first)
+    assert listener.vouches(second)
+    behind = module(KEY)  # its clock was never set
+    behind.signing.timestamp = 1
+    assert station(KEY).vouches(signed_beat(behind))
+    assert station().vouches(frames[0])
+    assert not station().vouches(b"no frame")
+
+
+def test_a_stranger_without_the_key_takes_no_link_of_the_page() -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    port = free_port()
+    link = f"udp:127.0.0.1:{port}"
+    desk = live_desk(airframe, AIRFRAME, site, SITE, link, KEY, 253, maps=False)
+    with socket(AF_INET, SOCK_DGRAM) as stranger, socket(AF_INET, SOCK_DGRAM) as friend:
+        for sender in (stranger, friend):
+            sender.bind(("127.0.0.1", 0))
+        stranger.sendto(signed_beat(module()), ("127.0.0.1", port))
+        desk.turn(10.0)
+        opened: Any = desk.link
+        assert opened.peer is None
+        now = module(KEY)
+        now.signing.timestamp = int((time() - 1_420_070_400.0) * 1e5)
+        friend.sendto(signed_beat(now), ("127.0.0.1", port))
+        desk.turn(10.1)
+        assert opened.peer == friend.getsockname()
+        assert desk.station is not None
+        assert desk.station.now["soar_mode"] == 4.0
+    desk.close()
 
 
 def test_frames_that_no_page_shows_are_left_out_and_garbage_is_not_lost() -> None:

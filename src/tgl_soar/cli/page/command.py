@@ -16,7 +16,6 @@ from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, fail,
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
 from tgl_soar.config.site import Site
-from tgl_soar.link.frames import starts_with_frame
 from tgl_soar.link.open_link import FORMS, LinkError, open_link
 from tgl_soar.link.signing_keys import SigningError, load_key
 
@@ -133,7 +132,7 @@ def live_desk(
     own = plane.autopilot
     station = Station(own.system_id, own.component_id, system, key, time.time())
     shown = place_of(plane, place, values, place_file.parent)
-    opened = open_link(link, starts_with_frame, time.monotonic())
+    opened = open_link(link, station.vouches, time.monotonic())
     return Desk(shown, station, opened, None, maps=maps)
 
 

@@ -15,8 +15,16 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import INDEX, PARAMETERS
-from tgl_soar.link.frames import HEADER_V1, HEADER_V2, MARKER_V1, MARKER_V2
+from tgl_soar.link.frames import (
+    HEADER_V1,
+    HEADER_V2,
+    MARKER_V1,
+    MARKER_V2,
+    SIGNATURE,
+    first_frame,
+)
 from tgl_soar.link.session import HEARTBEAT_S
+from tgl_soar.link.signing import EPOCH_S, Signing, source_of
 from tgl_soar.onboard.telemetry_values import ARRAY, ARRAY_NAME, FAST, SLOW
 
 ROW_S: Final = 0.2  # between two rows of the strips
@@ -110,17 +118,36 @@ class Station:
         self._heartbeat_s = float("-inf")
         self._fetch_s = float("-inf")
         self._start: int | None = None  # the number that the module drew at its start
+        self._next_piece = ("", 0, 0)  # of the last text: source, its id, the number of the piece
         self._out: list[bytes] = []
         self.codec: Any = _Codec(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self.codec.robust_parsing = True
+        self._vouching = Signing(key, EPOCH_S, 0.0)  # for signatures; the codec has the stamps
         if key is not None:
             signing = self.codec.signing
             signing.secret_key, signing.sign_outgoing = key, True
-            signing.timestamp = int((wall_s - 1_420_070_400.0) * 1e5)
+            signing.timestamp = int((wall_s - EPOCH_S) * 1e5)
             signing.link_id = own_system
-        self._next_piece = ("", 0, 0)  # of the last text: source, its id, the number of the piece
 
     # --- in -------------------------------------------------------------------------------------
+
+    def vouches(self, data: bytes) -> bool:
+        """Whether a datagram may make its sender the one who is answered.
+
+        It begins with a whole frame; with a key, with one that is signed with it and is later than
+        all that were heard of its stream.  Clocks are not compared: a module whose own starts in
+        the past goes on from our stamps, once it has been answered.
+        """
+        frame = first_frame(data)
+        if not frame or not self._vouching.vouches(frame):
+            return False
+        if not self._vouching.is_on:
+            return True
+        sender = source_of(frame)
+        stream = (frame[-SIGNATURE], sender.system, sender.component)
+        stamp = int.from_bytes(frame[-SIGNATURE + 1 : -6], "little")
+        heard: int = self.codec.signing.stream_timestamps.get(stream, 0)
+        return stamp > heard
 
     def receive(self, data: bytes, now_s: float, wall_s: float) -> int:
         """Take in bytes of the link; how many messages of the module or its autopilot."""
