@@ -7,12 +7,14 @@ import socket
 import zipfile
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs
 
 import pytest
 from installed_wheel import Installed
 from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
+from tgl_soar.cli.page.command import _announce, _check_token
 
 STATIC = Path(__file__).parents[3] / "src/tgl_soar/cli/page/static"
 
@@ -28,6 +30,10 @@ def said(*arguments: str) -> tuple[int, str]:
         ((), "give --link"),
         (("--link", "udp:127.0.0.1:14550", "--log", "x.ulg"), "one of them"),
         (("--link", "udp:127.0.0.1:14550", "--token", "short"), "give 16 or more"),
+        (("--link", "udp:127.0.0.1:14550", "--token", "x" * 129), "give 128 or fewer"),
+        (("--link", "udp:127.0.0.1:14550", "--token", "two words are none"), "without a space"),
+        (("--link", "udp:127.0.0.1:14550", "--token", "sixteen-letters-ä"), "of ASCII"),
+        (("--link", "udp:127.0.0.1:14550", "--token", "sixteen-letters\n-"), "of ASCII"),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_way_out(arguments: tuple[str, ...], words: str) -> None:
@@ -50,6 +56,17 @@ def test_a_bad_link_log_or_key_is_named(arguments: tuple[str, ...], words: str) 
     code, text = said(*arguments)
     assert code == 2
     assert words in text
+
+
+@pytest.mark.parametrize("token", ["Zk+3q/aa%41&b=c#d?", "x" * 128, "-_a-usual-one._~"])
+def test_the_address_carries_the_token_as_a_browser_reads_it(
+    token: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        _announce(listener, token, "127.0.0.1")
+    _, _, behind = capsys.readouterr().out.strip().partition("#")
+    assert parse_qs(behind) == {"token": [token]}
+    _check_token(token)  # and it is taken
 
 
 def test_a_port_that_is_taken_is_named() -> None:

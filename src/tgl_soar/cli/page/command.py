@@ -8,6 +8,7 @@ import socket
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
+from urllib.parse import quote
 
 import typer
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 EXTRA: Final = "the page needs the extra: pip install 'tgl_soar[page]'"
 SHORTEST_TOKEN: Final = 16
+LONGEST_TOKEN: Final = 128  # as a request may carry
 PORT: Final = 8191
 
 
@@ -68,8 +70,8 @@ def page(
     """
     if (link is None) == (log is None):
         fail(f"give --link (a flight: {FORMS}) or --log (a file), one of them")
-    if token is not None and len(token) < SHORTEST_TOKEN:
-        fail(f"--token has {len(token)} characters: give {SHORTEST_TOKEN} or more, or leave it out")
+    if token is not None:
+        _check_token(token)
     try:
         import uvicorn
 
@@ -160,6 +162,16 @@ def recorded_desk(
     return Desk(shown, None, None, recording)
 
 
+def _check_token(token: str) -> None:
+    """End the command if no address and no request could carry it."""
+    if len(token) < SHORTEST_TOKEN:
+        fail(f"--token has {len(token)} characters: give {SHORTEST_TOKEN} or more, or leave it out")
+    if len(token) > LONGEST_TOKEN:
+        fail(f"--token has {len(token)} characters: give {LONGEST_TOKEN} or fewer, or leave it out")
+    if not (token.isascii() and token.isprintable()) or " " in token:
+        fail("--token: give letters, digits and signs of ASCII without a space, or leave it out")
+
+
 def _listener(host: str, port: int) -> socket.socket:
     """A socket that listens there.  Errors: `LinkError`."""
     try:
@@ -183,7 +195,7 @@ def _announce(listener: socket.socket, token: str, host: str) -> None:
         )
     shown = _reachable(host)
     shown = f"[{shown}]" if ":" in shown else shown
-    say(f"the operator's page: http://{shown}:{port}/#token={token}")
+    say(f"the operator's page: http://{shown}:{port}/#token={quote(token, safe='')}")
 
 
 def _is_loopback(host: str) -> bool:
