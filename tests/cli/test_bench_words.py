@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import signal
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
@@ -16,7 +18,7 @@ from tgl_soar.cli.app import app
 from tgl_soar.cli.surfaces import latency_words
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.link.autopilots.requirements import MUST, Finding, Requirement
-from tgl_soar.link.checks.surface_check import SurfaceFinding
+from tgl_soar.link.checks.surface_check import NO_SPEED, SurfaceFinding
 from tgl_soar.link.messages import ID_LOCAL_POSITION_NED, ID_SERVO_OUTPUT_RAW, Source
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard.surface_control import RELEASE_FRAMES
@@ -115,6 +117,19 @@ def test_outputs_are_asked_for_fifty_times_a_second_and_the_speed_ten() -> None:
         assert (each.target_system, each.target_component) == (1, 1)
 
 
+def test_what_is_said_of_the_latency_is_printed_with_its_brackets(
+    monkeypatch: pytest.MonkeyPatch, capsys: Out
+) -> None:
+    spoken = nullcontext(SimpleNamespace(command=lambda _message: None))
+    bench = SimpleNamespace(wait_for_autopilot=lambda _timeout_s: None, go=lambda _look: [])
+    monkeypatch.setattr(surfaces, "Conversation", lambda *_given: spoken)
+    monkeypatch.setattr(surfaces, "_Bench", lambda *_given: bench)
+    monkeypatch.setattr(surfaces, "latency_words", lambda *_given: "set it in [dynamics]")
+    with pytest.raises(typer.Exit):
+        surfaces.surfaces("udpout:127.0.0.1:9", AIRFRAME, yes=True)
+    assert capsys.readouterr().out.endswith("set it in [dynamics]\n")
+
+
 # --- the way through the check -----------------------------------------------------------------
 
 
@@ -202,6 +217,7 @@ def test_what_may_not_be_moved_any_more_is_released() -> None:
 @pytest.mark.parametrize(("refusals", "turns", "words"), [
     ([], 0, ""), (["no heartbeat"] * 3, 3, ""), (["armed"], 0, "armed"),
     (["no heartbeat", "armed"], 1, "armed"), (["no heartbeat"] * 50, 5, "no heartbeat"),
+    ([NO_SPEED], 1, ""), ([NO_SPEED] * 50, 5, "no speed of it was received"),
 ])  # fmt: skip
 def test_an_autopilot_is_waited_for_until_it_has_said_what_it_does(
     refusals: list[str], turns: int, words: str, monkeypatch: pytest.MonkeyPatch

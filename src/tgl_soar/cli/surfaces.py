@@ -21,7 +21,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.loop_margin import FLOOR, margin_when_late
-from tgl_soar.link.checks.surface_check import SurfaceCheck
+from tgl_soar.link.checks.surface_check import NO_SPEED, SurfaceCheck
 from tgl_soar.link.messages import (
     COMMAND_SET_MESSAGE_INTERVAL,
     ID_LOCAL_POSITION_NED,
@@ -83,7 +83,8 @@ def surfaces(
     except _Ended as end:
         fail("stopped; the surfaces are released", 128 + end.signal_number)
     code = _reported(check, wrong)
-    console.print(latency_words(check.latencies_s, plane), highlight=False, soft_wrap=True)
+    words = latency_words(check.latencies_s, plane)
+    console.print(words, markup=False, highlight=False, soft_wrap=True)
     raise typer.Exit(code)
 
 
@@ -177,7 +178,7 @@ class _Bench:
         """Until it has said what it is doing.  Errors: `_Refused`."""
         end_s = time.monotonic() + timeout_s
         while refusal := self._check.refusal(time.monotonic()):
-            received = "no heartbeat" not in refusal
+            received = "no heartbeat" not in refusal and refusal != NO_SPEED
             if received or time.monotonic() > end_s:
                 raise _Refused(refusal)
             self._turn()

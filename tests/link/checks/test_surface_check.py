@@ -15,7 +15,14 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.loop_margin import margin_when_late
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.base import SurfaceChannel, SurfaceChannels
-from tgl_soar.link.checks.surface_check import SIGHTS, STOPS, SurfaceCheck, finding
+from tgl_soar.link.checks.surface_check import (
+    HEARTBEAT_MAX_S,
+    NO_SPEED,
+    SIGHTS,
+    STOPS,
+    SurfaceCheck,
+    finding,
+)
 from tgl_soar.link.messages import (
     MODE_FLAG_ARMED,
     Heartbeat,
@@ -44,6 +51,7 @@ class Bench:
         self.outputs = {1: 1, 2: 2, 4: 4}  # which channel each output follows
         self.offset_us, self.gain = 0, 1.0
         self.beats = self.reads_back = True
+        self.speed_mps: float | None = None  # as it is told with each heartbeat
         self._pulses = {1: 1480, 2: 1500, 4: 1500}
         self.hear_heartbeat()
 
@@ -58,6 +66,11 @@ class Bench:
             ),
             self.now_s,
         )
+        if self.speed_mps is not None:
+            self.check.take(
+                LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=self.speed_mps, vy=0.0, vz=0.0),
+                self.now_s,
+            )
 
     def run(self) -> list[str]:
         """To the end, or to a refusal; what a person was to look for."""
@@ -231,15 +244,25 @@ def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
     bench = Bench(armed_on_ground=True)
     bench.base_mode |= MODE_FLAG_ARMED
     bench.hear_heartbeat()
-    assert "moves at nan" in bench.check.refusal(bench.now_s)  # not known
+    assert "no speed of it was received" in bench.check.refusal(bench.now_s)
     bench.check.take(
         LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=2.0, vy=0.0, vz=0.5), bench.now_s
     )
     assert "moves at 2.1 m/s" in bench.check.refusal(bench.now_s)
-    bench.check.take(
-        LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=0.1, vy=0.0, vz=0.0), bench.now_s
-    )
+    bench.speed_mps = 0.1
     assert len(bench.run()) == 3 * len(STOPS)
+
+
+def test_armed_it_is_left_alone_once_its_speed_is_not_told_any_more() -> None:
+    bench = Bench(armed_on_ground=True)
+    bench.base_mode |= MODE_FLAG_ARMED
+    bench.speed_mps = 0.1
+    bench.hear_heartbeat()
+    assert bench.check.refusal(bench.now_s) == ""
+    bench.speed_mps, told_s = None, bench.now_s
+    assert len(bench.run()) < len(STOPS)
+    assert bench.now_s - told_s == pytest.approx(HEARTBEAT_MAX_S, abs=0.1)
+    assert bench.check.refusal(bench.now_s) == NO_SPEED
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_a_heartbeat_counts_for_three_seconds(age_s: float, is_heard: bool) -> N
         ((0.0, 0.0, -1.01), "the aircraft is armed and moves at 1.0 m/s"),
         ((0.0, 2.0, 0.0), "the aircraft is armed and moves at 2.0 m/s"),
         ((3.0, 4.0, 12.0), "the aircraft is armed and moves at 13.0 m/s"),
-        (None, "the aircraft is armed and moves at nan m/s"),
+        (None, "the aircraft is armed, and no speed of it was received"),
     ],
 )
 def test_an_armed_aircraft_must_stand_still(
@@ -140,6 +140,16 @@ def test_an_armed_aircraft_must_stand_still(
         vx, vy, vz = velocity
         made.take(LocalPositionNed(time_boot_ms=1, x=9, y=9, z=9, vx=vx, vy=vy, vz=vz), 100.0)
     assert made.refusal(100.0) == words
+
+
+@pytest.mark.parametrize(("age_s", "words"), [
+    (2.9, ""), (3.1, "the aircraft is armed, and no speed of it was received"),
+])  # fmt: skip
+def test_a_speed_counts_for_three_seconds(age_s: float, words: str) -> None:
+    made = check(armed_on_ground=True)
+    made.take(LocalPositionNed(time_boot_ms=1, x=9, y=9, z=9, vx=0, vy=0, vz=0), 100.0)
+    made.take(ARMED, 100.0 + age_s)
+    assert made.refusal(100.0 + age_s) == words
 
 
 def test_armed_it_must_be_said_to_stand_on_the_ground_and_obey() -> None:

@@ -33,7 +33,8 @@ TOLERANCE_US: Final = 60.0  # an autopilot's own calibration bends a little
 TRIM_TOLERANCE_US: Final = 25.0
 MOVES_US: Final = 20.0  # less is no movement
 SPEED_MAX_MPS: Final = 1.0  # of an aircraft that stands on the ground
-HEARTBEAT_MAX_S: Final = 3.0
+HEARTBEAT_MAX_S: Final = 3.0  # so old is believed, and so old a speed
+NO_SPEED: Final = "the aircraft is armed, and no speed of it was received"
 SETTLE_S: Final = 0.2  # from a command to outputs that show it
 READ_BACK_S: Final = 2.0  # so long is waited for them
 FRAME_S: Final = 0.05  # between two commands
@@ -93,6 +94,7 @@ class SurfaceCheck:
         self._servos: tuple[int, ...] = ()
         self._servos_s = float("-inf")
         self._speed_mps = float("nan")
+        self._speed_s = float("-inf")
         self._plan = [(name, fraction * deflection) for name in NAMES for fraction in STOPS]
         self._at = 0
         self._since_s = float("nan")  # when this stop began
@@ -108,7 +110,7 @@ class SurfaceCheck:
             self._servos, self._servos_s = message.servos, now_s
             self._time_step(now_s)
         elif isinstance(message, LocalPositionNed):
-            self._speed_mps = hypot(message.vx, message.vy, message.vz)
+            self._speed_mps, self._speed_s = hypot(message.vx, message.vy, message.vz), now_s
 
     def refusal(self, now_s: float) -> str:
         """Why nothing may be moved now; "" if it may."""
@@ -121,6 +123,8 @@ class SurfaceCheck:
                     "the aircraft is armed and may be flying: disarm it; if it must be armed to"
                     " move a surface, hold it on the ground and give --armed-on-ground"
                 )
+            if not now_s - self._speed_s <= HEARTBEAT_MAX_S:
+                return NO_SPEED
             if not self._speed_mps <= SPEED_MAX_MPS:
                 return f"the aircraft is armed and moves at {self._speed_mps:.1f} m/s"
         if not self._flavour.obeys(heartbeat):
