@@ -204,6 +204,17 @@ def test_it_is_printed_or_written_and_where_it_goes_is_told(tmp_path: Path) -> N
     assert (code, "such.toml: cannot be written: No such file or directory" in told) == (2, True)
 
 
+@pytest.mark.parametrize("option", ["--site", "--airframe"])
+def test_no_file_that_it_is_computed_from_is_written(option: str, tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    kept = {"--site": SITE, "--airframe": AIRFRAME}[option].read_text(encoding="utf-8")
+    own.write_text(kept, encoding="utf-8")
+    out = tmp_path / "." / "own.toml"
+    code, told = run("contour", "--bounds", "0,1,1,2.2", option, own, "--out", out)
+    assert (code, "that is a file that it is computed from" in told) == (2, True)
+    assert own.read_text(encoding="utf-8") == kept
+
+
 def test_a_site_without_air_has_none(tmp_path: Path) -> None:
     path = tmp_path / "site.toml"
     path.write_text('[site]\nname = "bare"\nwind_from_deg = 0.0\n', encoding="utf-8")

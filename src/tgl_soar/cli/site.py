@@ -70,6 +70,8 @@ def contour_(
     The module refuses a line that does not cross this contour. Append it to the site file:
     tgl-soar site contour --site my_site.toml >> my_site.toml
     """
+    if out is not None and out.resolve() in (site.resolve(), airframe.resolve()):
+        fail(f"--out {out}: that is a file that it is computed from; give another name")
     try:
         loaded, place = load_airframe(airframe), load_site(site)
         area = _bounds(bounds) if bounds else search_bounds(place)
