@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from errno import ENOSPC
 from pathlib import Path
 
 import flown
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tgl_soar.cli import report
 from tgl_soar.cli.app import app
 from tgl_soar.cli.sitl import newest_log
 
@@ -91,6 +93,16 @@ def test_what_cannot_be_is_named(
     assert result.exit_code == 2, result.output
     assert words in result.output.replace("\n", " ")
     assert "Traceback" not in result.output
+
+
+def test_a_full_disk_is_named_by_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_given: object) -> None:
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(report, "write", full)
+    result = RUN.invoke(app, ["report", "x.ulg", "--out", "y.html"], env={"COLUMNS": "300"})
+    assert result.exit_code == 2
+    assert "y.html: cannot be written: No space left on device" in result.output
 
 
 def test_the_flight_of_make_run_ends_with_its_report(tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ def report(
     ] = None,
 ) -> None:
     """Write the page of a flight: figures, legs, spectra, health. Exit code 1 if data was lost."""
+    page = page_of(log, out)
     try:
-        page = page_of(log, out)
         with Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -74,7 +74,7 @@ def report(
     except (LogError, ConfigError, ImportError) as error:
         fail(error)
     except OSError as error:
-        fail(f"{error.filename}: cannot be written: {error.strerror}")
+        fail(f"{error.filename or page}: cannot be written: {error.strerror}")
     except KeyboardInterrupt:
         fail("stopped", 130)
     for text in lost:
