@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from math import nan
 from typing import Any
 
@@ -127,6 +128,17 @@ def test_the_glides_give_drag_and_polar() -> None:
     assert "\n[polar]\nc0 = 1.5\nc1 = -0.25\n\n[parameters]\n" in text
     with pytest.raises(ConfigError, match=r"mine\.toml: \[polar\]: missing"):
         with_identified(FILE.replace("[polar]", "[other]"), "mine.toml", identified(), glides)
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_a_bracket_in_a_comment_ends_no_table(last: bool) -> None:
+    file = FILE.replace("[polar]\n", "[polar]\n# fitted from 9 to 14 [m/s]\n")
+    if last:
+        file = file.partition("\n[parameters]")[0]
+    text = with_identified(file, "mine.toml", identified(), Gliding({}, "c0 = 1.5", "words"))
+    assert "[m/s]" not in text
+    assert tomllib.loads(text)["polar"] == {"c0": 1.5}
+    assert ("parameters" in tomllib.loads(text)) is not last
 
 
 # --- glides -------------------------------------------------------------------------------------

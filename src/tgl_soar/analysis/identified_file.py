@@ -78,7 +78,8 @@ def with_identified(text: str, name: str, found: Identified, gliding: Gliding) -
             raise ConfigError(f"{name}: model.{key}: missing, so it cannot be replaced")
     text = head + table + body + bracket + tail
     if gliding.polar:
-        text, count = re.subn(r"(?m)^\[polar\]\n(?:[^\[]*)", f"[polar]\n{gliding.polar}\n\n", text)
+        table = r"(?m)^\[polar\]\n(?:(?![ \t]*\[).*\n?)*"  # to the next line that begins a table
+        text, count = re.subn(table, f"[polar]\n{gliding.polar}\n\n", text)
         if count != 1:
             raise ConfigError(f"{name}: [polar]: missing, so it cannot be replaced")
     return text.rstrip() + "\n"
