@@ -125,9 +125,18 @@ def test_the_glides_give_drag_and_polar() -> None:
     glides = Gliding({"CD0": Written(0.0312, 0.004)}, "c0 = 1.5\nc1 = -0.25", "words")
     text = with_identified(FILE, "mine.toml", identified(), glides)
     assert table(text, "model")["CD0"] == "0.0312  # identified: ± 0.004 at 95 %"
-    assert "\n[polar]\nc0 = 1.5\nc1 = -0.25\n\n[parameters]\n" in text
+    assert "\n[polar]\nc0 = 1.5\nc1 = -0.25\n\n# a comment\n\n[parameters]\n" in text
     with pytest.raises(ConfigError, match=r"mine\.toml: \[polar\]: missing"):
         with_identified(FILE.replace("[polar]", "[other]"), "mine.toml", identified(), glides)
+
+
+def test_the_table_may_have_a_comment_and_that_of_the_next_one_stays() -> None:
+    file = FILE.replace("[polar]\n", "[polar]  # of the glides\n")
+    file = file.replace("[parameters]", "# the operator's\n\n# own [deg]\n[parameters]")
+    text = with_identified(file, "mine.toml", identified(), Gliding({}, "c0 = 1.5", "words"))
+    assert tomllib.loads(text)["polar"] == {"c0": 1.5}
+    assert "# the operator's\n\n# own [deg]\n[parameters]\n" in text
+    assert "glides" not in text
 
 
 @pytest.mark.parametrize("last", [True, False])

@@ -78,11 +78,14 @@ def with_identified(text: str, name: str, found: Identified, gliding: Gliding) -
             raise ConfigError(f"{name}: model.{key}: missing, so it cannot be replaced")
     text = head + table + body + bracket + tail
     if gliding.polar:
-        table = r"(?m)^\[polar\]\n(?:(?![ \t]*\[).*\n?)*"  # to the next line that begins a table
-        text, count = re.subn(table, f"[polar]\n{gliding.polar}\n\n", text)
+        text, count = re.subn(_POLAR, f"[polar]\n{gliding.polar}\n\n", text)
         if count != 1:
             raise ConfigError(f"{name}: [polar]: missing, so it cannot be replaced")
     return text.rstrip() + "\n"
+
+
+# To the line that begins the next table, or the comment above it.
+_POLAR: Final = r"(?m)^\[polar\][ \t]*(?:#.*)?\n(?:(?!(?:[ \t]*(?:#.*)?\n)*[ \t]*\[).*\n?)*"
 
 
 def _of_manoeuvres(found: Identified) -> dict[str, Written]:
