@@ -245,6 +245,8 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     airborne = flying and not way.is_in_hand(state.launch_landing)
     laws, inputs = with_push(laws, state.throttle), fresh(inputs)
     estimates = estimate(laws, state.memory, inputs, airborne, state.loops.limited, dt)
+    if not isfinite(inputs.time_s):  # what has taken that in would never be a number again
+        estimates = estimates._replace(memory=initial_memory())
     if flying:
         return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
     return _watch(laws, state, inputs, estimates)

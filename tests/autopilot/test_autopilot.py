@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from samples import attitude_sample, position_fix
+from samples import attitude_sample, imu_sample, position_fix
 
 from tgl_soar.autopilot import (
     DT_MAX_S,
@@ -883,6 +883,27 @@ def test_a_tick_without_a_time_disengages(now: float) -> None:
     assert [mode for mode, _ in flight.changes()] == ["released"]
     assert_inside(flight.outputs[:5] + flight.outputs[6:])
     assert all(isfinite(u) for u in flight.outputs[5].command)
+
+
+@pytest.mark.parametrize("flies", [False, True])
+@pytest.mark.parametrize("now", [nan, inf, -inf])
+def test_after_a_tick_without_a_time_the_estimates_are_numbers_again(
+    now: float, flies: bool
+) -> None:
+    def corrupt(k: int, inputs: Inputs) -> Inputs:
+        imu = imu_sample(flight.ticks, inputs.time_s, (0.0, 0.0, -9.81))
+        return inputs._replace(imu=imu, time_s=now if k == bad else inputs.time_s)
+
+    flight, bad = Flight(ready=flies), 100 if flies else 0  # accelerations are in use by then
+    flight.engage = flies
+    flight.fly(2.0, corrupt)
+    output, memory = flight.outputs[-1], flight.state.memory
+    assert output.quality.inertial
+    assert all(isfinite(number) for number in output.vehicle)
+    assert all(isfinite(number) for number in memory.motion.errors[:-1])
+    assert all(isfinite(number) for number in memory.motion.errors.covariance)
+    assert isfinite(memory.wind.average.forward_mps)
+    assert mode_name(output.mode) == ("failed" if flies else "ready")
 
 
 # --- the tick itself --------------------------------------------------------------------------

@@ -76,6 +76,19 @@ def test_it_follows_an_attitude_stream_of_its_own_rate(phase_s: float, jitter_s:
     assert pacer.counters.skipped == 0
 
 
+def test_a_first_tick_after_a_backlog_has_a_time_although_no_sample_begins_it() -> None:
+    """What came while the module started is read at once: in step, but older than the grid."""
+    pacer = Pacer(200.0, 100.0)
+    pacer.begin(100.0)
+    for k in range(34):
+        pacer.sample(100.0001, 50.0 + 0.005 * k, 99.84 + 0.005 * k)
+    assert pacer.locked
+    first = pacer.tick(100.009)
+    assert 100.0 <= first <= 100.009
+    assert pacer.counters.on_sample == 0
+    assert pacer.tick(100.014) == pytest.approx(first + 0.005, abs=1e-9)
+
+
 def test_the_tick_s_time_is_the_sample_s_own() -> None:
     pacer = Pacer(200.0, 0.0)
     ticks = fly(pacer, 10.0, stream(200.0, 10.0, jitter_s=0.002))

@@ -167,7 +167,8 @@ class Pacer:
             self._deadline_s = self._sample_s + self.period_s
             self._expect()
         else:
-            time_s = self._time_s + self.period_s if self.locked else self._deadline_s
+            follows = self.locked and self._time_s > -inf  # else no tick yet: the grid's own
+            time_s = self._time_s + self.period_s if follows else self._deadline_s
             if missed > 0:
                 time_s = now_s
             self._deadline_s += (1 + missed) * self.period_s
