@@ -60,6 +60,14 @@ def saved(path: Path, *changes: dict[str, float]) -> None:
 # --- what is kept -----------------------------------------------------------------------------
 
 
+def test_a_folder_that_cannot_be_looked_at_is_told_of_at_the_start(tmp_path: Path) -> None:
+    kept = store(tmp_path / (300 * "n") / "vehicle.params")
+    found = kept.restore()
+    assert found.values == BASE
+    assert "cannot be written: File name too long" in found.notes[-1]
+    assert found.notes[-1].endswith("changed parameters are NOT stored")
+
+
 @pytest.mark.parametrize("looking", [False, True])
 def test_a_place_that_cannot_be_written_is_told_of_at_the_start(looking: bool) -> None:
     """Not at the first change in flight; who only looks needs no place to write."""

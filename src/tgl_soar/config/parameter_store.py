@@ -288,8 +288,9 @@ class ParameterStore:
         """Why nothing can be kept where it is to be, in words; "" if it can.  It leaves neither
         file nor folder behind."""
         folder, probe = self.path.parent, _beside(self.path, ".new")
-        missing = [each for each in (folder, *folder.parents) if not each.exists()]
+        missing: list[Path] = []
         try:
+            missing += [each for each in (folder, *folder.parents) if not each.exists()]
             folder.mkdir(parents=True, exist_ok=True)
             probe.open("ab").close()
             probe.unlink()
