@@ -28,7 +28,7 @@ from tgl_soar.onboard.command_line import RunOptions
 from tgl_soar.onboard.flightlog.recorder import NO_RECORDER
 from tgl_soar.onboard.link_load import load_of
 from tgl_soar.onboard.realtime import RealtimeOptions
-from tgl_soar.onboard.setup import setup_from
+from tgl_soar.onboard.setup import setup_from, with_values
 from tgl_soar.onboard.watchdog import ProcessHeartbeat
 
 pytestmark = pytest.mark.interpreted
@@ -533,6 +533,39 @@ def test_stored_parameters_are_flown_with_and_said(
     flown.run(state=Path("somewhere"))
     assert not any("are stored in" in text for text in flown.words)
     assert not any("stored parameters" in text for _, text in flown.first_words)
+
+
+def test_a_line_is_judged_by_the_stored_rate_that_is_flown(
+    flown: Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = load_parameters(load_airframe(AIRFRAME), AIRFRAME, load_site(SITE), SITE)
+    setup = setup_from(load_airframe(AIRFRAME), load_site(SITE), values)
+    stored = values.changed({"LOOP_RATE": 100.0})
+    slow, fast = (load_of(with_values(setup, v), signed=False) for v in (stored, values))
+    baud = next(b for b in range(57600, 921600, 1200) if not slow.refusal(b) and fast.refusal(b))
+    store = Store(flown.done, values=stored, kept={"LOOP_RATE": 100.0})
+    monkeypatch.setattr(process, "ParameterStore", lambda *_: store)
+    for state, is_warned in ((None, True), (Path("somewhere"), False)):
+        flown.run(links=(f"serial:/dev/ttyX:{baud}",), state=state)
+        assert any(str(baud) in text for _, text in flown.first_words) is is_warned
+
+
+def test_the_log_of_a_restarted_process_has_the_files_that_are_flown(
+    flown: Process, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text(SITE.read_text())
+
+    def restart(child: Callable[..., int], _release: object, _say: object) -> int:
+        site.write_text("changed since")
+        return child(None, "was killed")
+
+    monkeypatch.setattr(watchdog, "watch", restart)
+    flown.run(site=site, guarded=True, log=tmp_path)
+    assert flown.given["log"][1].texts == {
+        "airframe": AIRFRAME.read_text(),
+        "site": SITE.read_text(),
+    }
 
 
 def test_the_log_says_what_was_flown_with(flown: Process, tmp_path: Path) -> None:

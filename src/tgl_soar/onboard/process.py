@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
@@ -70,6 +70,7 @@ class RunPlan(NamedTuple):
     airframe: Airframe
     site: Site
     setup: ModuleSetup
+    texts: Mapping[str, str]  # of both files, as they were read: "airframe", "site"
 
 
 class Opened(NamedTuple):
@@ -98,6 +99,7 @@ def run(options: RunOptions) -> int:
         if options.mocap_server:
             site = from_server(site, options.mocap_server)
         parameters = load_parameters(airframe, options.airframe, site, options.site)
+        texts = {"airframe": _text_of(options.airframe), "site": _text_of(options.site)}
         setup = setup_from(airframe, site, parameters)
     except ConfigError as error:
         print(error, file=sys.stderr)
@@ -107,7 +109,7 @@ def run(options: RunOptions) -> int:
     say(f"code: {native.words()}")
     if whose := gains_words(airframe, site, parameters):
         say(whose)
-    plan = RunPlan(options, airframe, site, setup)
+    plan = RunPlan(options=options, airframe=airframe, site=site, setup=setup, texts=texts)
     if options.guarded:
         realtime.raise_priority()
         return watchdog.watch(partial(_run, plan), partial(hand_over, setup, options), say)
@@ -145,7 +147,7 @@ def _run(
     with _lowered_priority(options):
         end_keeping = keep_timestamp(signing, options.secret.key_file, say)
     words = [(SEVERITY_ERROR, f"restarted: the flying process {became}")] if became else []
-    words += _too_slow(plan)
+    words += _too_slow(setup, options)
     words += _unknown_air(plan)
     search = _search(options)
     opened = Opened(
@@ -183,12 +185,13 @@ def _search(options: RunOptions) -> SearchBeside | SearchHere | None:
         return None
 
 
-def _too_slow(plan: RunPlan) -> list[tuple[int, str]]:
-    """What is to be said of a serial line that does not carry the flight."""
-    baud = baud_of(plan.options.links[0])
-    if baud is None or plan.options.lockstep:
+def _too_slow(setup: ModuleSetup, options: RunOptions) -> list[tuple[int, str]]:
+    """What is to be said of a serial line that does not carry the flight, with the parameters that
+    were stored."""
+    baud = baud_of(options.links[0])
+    if baud is None or options.lockstep:
         return []
-    load = link_load.load_of(plan.setup, signed=plan.options.secret.key_file is not None)
+    load = link_load.load_of(setup, signed=options.secret.key_file is not None)
     refusal = load.refusal(baud)
     return [(SEVERITY_WARNING, refusal)] if refusal else []
 
@@ -232,10 +235,9 @@ def _recorder(plan: RunPlan) -> FlightRecorder | None:
         "modes": ";".join(MODE_NAMES),
         "reasons": ";".join(REASON_TEXTS),
     }
-    texts = {"airframe": _text_of(plan.options.airframe), "site": _text_of(plan.options.site)}
     return FlightRecorder(
         plan.options.log,
-        LogMetadata(words, texts),
+        LogMetadata(words, plan.texts),
         0.0 if plan.options.lockstep else realtime.clock_s(),
         largest_bytes=plan.options.log_bytes,
         patient=plan.options.lockstep,
