@@ -4,6 +4,7 @@ allowed and what holds where the file does not give it, as the structs declare t
 from __future__ import annotations
 
 import re
+from math import cos, radians, sin
 from pathlib import Path
 
 import msgspec
@@ -14,6 +15,8 @@ from tgl_soar.config import airframe, lateral_gains, site
 from tgl_soar.config.airframe import MODEL_KEYS, Airframe
 from tgl_soar.config.dynamics import MeasuredDynamics
 from tgl_soar.config.strict import Strict
+from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.geometry import SoaringFrame, soaring_from_ned
 
 PAGE = Path(__file__).parents[2] / "docs/files.md"
 HEAD = "| key | allowed | default | meaning |"
@@ -165,3 +168,13 @@ def test_every_table_of_a_file_has_a_section() -> None:
     }
     assert listed == fields - {airframe.MODEL_KIND_FIELD}
     assert {*tables()} == {*STRUCTS, "model"}
+
+
+def test_the_signs_of_y_and_of_the_lean_are_those_that_are_flown() -> None:
+    """Wind from north: right of an aircraft that faces it is east."""
+    assert soaring_from_ned(SoaringFrame(0.0, 0.0, 0.0, 0.0), 0.0, 1.0, 0.0)[1] == 1.0
+    text = PAGE.read_text(encoding="utf-8")
+    assert "y to the right of an aircraft that faces upwind" in text
+    eta = eta_from_lean(radians(15.0))  # from the downstream axis: up the line is upwind
+    assert cos(eta) < 0.0 < sin(eta)
+    assert "| `lean_deg` | -60 … 60 | | upwind from upright; without it `TGL_LEAN` |" in text
