@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,11 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from tgl_soar.cli.app import app
+from tgl_soar.config import flown_gains
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.dynamics import SHORT_PERIOD_KEYS
 from tgl_soar.config.files import gains_words, load_airframe, load_parameters, load_site, shipped
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.found_gains import SHIPPED
 
 FILE, SITE_FILE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
@@ -40,6 +43,17 @@ def test_gains_of_another_aircraft_are_named_as_such(
     said = words(replace(PLANE, model=model, parameters=parameters))
     assert said.startswith("gains of pitch: those of the Eclipson Model C: ")
     assert said.endswith(f"{why} (`tgl-soar docs files`)")
+
+
+def test_seeking_runs_no_code_of_the_folder_that_it_is_started_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "json.py").write_text("open('run', 'w').close()\nraise SystemExit(3)\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "numpy", raising=False)
+    monkeypatch.setattr(flown_gains, "_SEEKS", "import json; print('{\"ELE_P\": 2.5}')")
+    assert flown_gains._sought(ParameterSet()) == {"ELE_P": 2.5}
+    assert not (tmp_path / "run").exists()
 
 
 def test_an_aircraft_without_a_short_period_is_told_so() -> None:

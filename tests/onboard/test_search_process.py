@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -118,7 +119,7 @@ def test_the_flight_never_waits_for_the_process(beside: Beside) -> None:
 def test_the_process_is_started_with_its_end_of_the_pair_and_one_thread(beside: Beside) -> None:
     child = beside.child
     module = "tgl_soar.onboard.search_process"
-    assert child.command == [sys.executable, "-m", module, str(child.handed)]
+    assert child.command == [sys.executable, "-P", "-m", module, str(child.handed)]
     assert child.named["stdin"] == subprocess.DEVNULL  # no terminal's words are read by it
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # it leaves other processors alone
         assert child.named["env"][name] == "1"
@@ -126,6 +127,17 @@ def test_the_process_is_started_with_its_end_of_the_pair_and_one_thread(beside: 
     assert beside.search.pid == Child.pid
     with pytest.raises(OSError, match="Bad file descriptor"):
         os.fstat(child.handed)  # it is the process's alone: where that dies, we see it
+
+
+def test_the_process_runs_no_code_of_the_folder_that_it_is_started_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pickle.py").write_text("open('run', 'w').close()\nraise SystemExit(3)\n")
+    monkeypatch.chdir(tmp_path)
+    search = SearchBeside()
+    search.close()
+    assert not (tmp_path / "run").exists()
+    assert search._process.returncode != 3
 
 
 def test_what_the_module_knows_arrives_as_it_is_sent(beside: Beside) -> None:

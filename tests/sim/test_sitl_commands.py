@@ -44,7 +44,7 @@ def value(command: list[str], option: str) -> str:
 
 def test_in_lockstep_the_bridge_waits_for_both_at_ports_of_its_own(tmp_path: Path) -> None:
     command = bridge(tmp_path)
-    assert command[:3] == [sys.executable, "-m", "tgl_soar.sim.bridge"]
+    assert command[:4] == [sys.executable, "-P", "-m", "tgl_soar.sim.bridge"]
     assert value(command, "--airframe") == str(AIRFRAME)
     assert value(command, "--site") == str(SITE)
     assert (value(command, "--companion"), value(command, "--gcs")) == ("c:2", "o:1")
@@ -110,7 +110,7 @@ def test_a_hall_streams_at_its_address(tmp_path: Path) -> None:
 
 def test_the_module_is_the_companion_at_its_address(tmp_path: Path) -> None:
     command = module_command(options(tmp_path), "c:2", "")
-    assert command[:4] == [sys.executable, "-m", "tgl_soar.cli", "run"]
+    assert command[:5] == [sys.executable, "-P", "-m", "tgl_soar.cli", "run"]
     assert value(command, "--link") == "udp:c:2"
     assert value(command, "--state") == "none"
     assert value(command, "--log") == str(tmp_path / "logs")
@@ -124,7 +124,7 @@ def test_the_module_is_the_companion_at_its_address(tmp_path: Path) -> None:
 
 def test_the_page_is_a_station(tmp_path: Path) -> None:
     command = page_command(options(tmp_path), "s:4", 8080)
-    assert command[:4] == [sys.executable, "-m", "tgl_soar.cli", "page"]
+    assert command[:5] == [sys.executable, "-P", "-m", "tgl_soar.cli", "page"]
     assert (value(command, "--link"), value(command, "--port")) == ("udp:s:4", "8080")
 
 

@@ -51,7 +51,7 @@ def _sought(values: ParameterSet) -> dict[str, float]:
         asked = {p.name: value for p, value in values}
         with suppress(OSError, ValueError, subprocess.SubprocessError):
             ran = subprocess.run(
-                [sys.executable, "-c", _SEEKS, json.dumps([sys.path, asked])],
+                [sys.executable, "-P", "-c", _SEEKS, json.dumps([sys.path, asked])],
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 check=True,

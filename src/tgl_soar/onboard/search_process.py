@@ -29,6 +29,7 @@ from tgl_soar.control.search.glimpse import Glimpse, LineRequest, SearchTask
 LARGEST_BYTES: Final = 65536
 NICE: Final = 5
 END_S: Final = 1.0  # for the process to end by itself
+_MODULE: Final = "tgl_soar.onboard.search_process"
 
 
 class SearchBeside:
@@ -41,7 +42,7 @@ class SearchBeside:
         self.dropped = 0  # datagrams that found no room
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "tgl_soar.onboard.search_process", str(theirs.fileno())],
+                [sys.executable, "-P", "-m", _MODULE, str(theirs.fileno())],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},

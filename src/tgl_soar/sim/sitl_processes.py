@@ -63,7 +63,7 @@ def bridge_command(
 ) -> list[str]:
     """The bridge, for a companion and an operator at their addresses; mocap: "" for none."""
     command = [
-        *(sys.executable, "-m", "tgl_soar.sim.bridge"),
+        *(sys.executable, "-P", "-m", "tgl_soar.sim.bridge"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--companion", companion, "--gcs", operator),
         *("--seed", str(options.seed), "--log", str(truth_file)),
@@ -102,7 +102,7 @@ def bridge_command(
 def module_command(options: SitlOptions, companion: str, mocap: str) -> list[str]:
     """What flies, as the companion at an address."""
     command = [
-        *(sys.executable, "-m", "tgl_soar.cli", "run"),
+        *(sys.executable, "-P", "-m", "tgl_soar.cli", "run"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--link", f"udp:{companion}", "--state", "none"),
         *("--log", str(options.out / "logs"), "--log-max", f"{LOGS_MB:g}"),
@@ -115,7 +115,7 @@ def module_command(options: SitlOptions, companion: str, mocap: str) -> list[str
 def page_command(options: SitlOptions, station: str, port: int) -> list[str]:
     """The operator's page, as a ground station at an address."""
     return [
-        *(sys.executable, "-m", "tgl_soar.cli", "page"),
+        *(sys.executable, "-P", "-m", "tgl_soar.cli", "page"),
         *("--airframe", str(options.airframe), "--site", str(options.site)),
         *("--link", f"udp:{station}", "--port", str(port)),
     ]
