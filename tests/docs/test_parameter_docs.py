@@ -37,6 +37,12 @@ def test_every_parameter_is_in_one_group_and_no_group_is_empty() -> None:
         assert group.sentence.endswith(".")
 
 
+def test_all_that_no_file_may_give_is_named() -> None:
+    (paragraph,) = [p for p in page().split("\n\n") if "can only be set over the air" in p]
+    for p in PARAMETERS:
+        assert (f"`{p.name}`" in paragraph) is not p.in_files
+
+
 def test_a_table_row_has_as_many_cells_as_its_head() -> None:
     for line in page().splitlines():
         if line.startswith("| `") and "…" in line:

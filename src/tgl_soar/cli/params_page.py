@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Final
 
 from tgl_soar.config.parameter_groups import GROUPS, group_of
@@ -23,9 +24,10 @@ source overrides an earlier one:
 
 All are REAL32. A set is answered with the value that holds after it. A value out of range, or one
 that contradicts the others, is refused: the answer is the old value, and a `STATUSTEXT` says why.
-An accepted value acts on the next tick. `OP_ENGAGE`, `OP_FORCE`, `TGL_STAGE` and `EXC_START` can
-only be set over the air: no file engages the module. *In flight* means: may it change while the
-module is engaged?
+An accepted value acts on the next tick. *In flight* means: may it change while the module is
+engaged?
+
+{only_over_the_air}
 """
 
 _TAIL: Final = """\
@@ -105,7 +107,11 @@ that is not engaged refuses it.
 
 def page() -> str:
     """The whole page."""
-    parts = [_HEAD]
+    *names, last = [f"`{p.name}`" for p in PARAMETERS if not p.in_files]
+    text = (
+        f"{', '.join(names)} and {last} can only be set over the air: no file engages the module."
+    )
+    parts = [_HEAD.format(only_over_the_air=fill(text, 100, break_on_hyphens=False))]
     for group in GROUPS:
         rows = [_row(p) for p in PARAMETERS if group_of(p.name) is group]
         parts.append(
