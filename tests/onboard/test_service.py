@@ -12,6 +12,7 @@ import pytest
 
 from tgl_soar.config import parameter_store
 from tgl_soar.config.files import shipped
+from tgl_soar.config.flown_gains import SEEKS_S
 from tgl_soar.link import signing_keys
 from tgl_soar.onboard import search_process
 from tgl_soar.onboard.flightlog import spool
@@ -84,6 +85,10 @@ def test_its_numbers_are_those_of_the_program() -> None:
     assert int(setting("LimitRTPRIO")) == PRIORITY + 1  # the guard's
     assert float(setting("WatchdogSec")) > HANGS_S  # a slow start is the guard's to judge
     assert setting("KillSignal") == setting("WatchdogSignal") == "SIGTERM"
+
+
+def test_a_start_has_the_time_that_seeking_gains_may_take() -> None:
+    assert float(setting("TimeoutStartSec")) >= SEEKS_S + 30.0  # all else that a start does
 
 
 def test_an_end_in_order_has_the_time_that_its_parts_may_take() -> None:
