@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.site import Forward, HomePosition, PositionSettings, Sender, Site
+from tgl_soar.link.autopilots.requirements import MUST, Requirement, compare, remedy
 from tgl_soar.link.messages import Source
 from tgl_soar.link.sources import GLOBAL_POSITION, LOCAL_POSITION, MOCAP, VISION
 from tgl_soar.onboard.setup import (
@@ -118,6 +119,33 @@ def test_satellites_are_needed_where_the_site_counts_on_them() -> None:
         setup = setup_from(AIRFRAME, at(sources=sources, home=HOME), VALUES)
         assert setup.needs is not None
         assert setup.needs.gps is gps
+
+
+def requirements_of(firmware: str, site: Site) -> list[tuple[Requirement, ...]]:
+    """What is asked of the firmware on the ground and by the flying module."""
+    airframe = by(firmware=firmware, route=None)
+    ground, flying = needs_of(airframe, site, VALUES), setup_from(airframe, site, VALUES).needs
+    assert flying is not None
+    return [flavour_of(airframe).requirements(needs) for needs in (ground, flying)]
+
+
+def test_a_px4_as_it_comes_is_flown_by_satellites_and_not_asked_to_do_without_them() -> None:
+    comes = {"EKF2_HGT_REF": 1.0, "EKF2_MAG_TYPE": 0.0, "EKF2_GPS_CTRL": 7.0, "SYS_HAS_GPS": 1.0}
+    for rows in requirements_of("px4", load_site(shipped("sites/hill.toml"))):
+        found = [f for f in compare(rows, comes) if f.value is not None]
+        assert [remedy(f) for f in found if not f.ok and f.requirement.level == MUST] == []
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_who_is_sent_poses_is_asked_for_the_same_on_the_ground_as_in_flight(firmware: str) -> None:
+    """Poses of a bridge: such a site has no tracker, and satellites must not be asked for too."""
+    bridge = PositionSettings(sources=("vision",), vision_from=(Sender(1, 197),))
+    forward = Forward(message="vision_position_estimate")
+    ground, flying = requirements_of(firmware, replace(SITE, position=bridge, forward=forward))
+    assert ground == flying
+    wanted = [row for row in ground if row.relation == "is" and row.level == MUST]
+    names = [row.names for row in wanted]
+    assert len(names) == len(set(names))
 
 
 def test_a_module_never_starts_engaged() -> None:

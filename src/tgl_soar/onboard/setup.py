@@ -117,7 +117,7 @@ def needs_of(airframe: Airframe, site: Site, values: ParameterSet) -> Needs:
         override_system=airframe.autopilot.override_system_id,
         loop_rate_hz=values["LOOP_RATE"],
         external_pose=site.forward is not None,
-        gps=site.mocap is None,
+        gps=site.mocap is None and site.forward is None,
         lands=values["LND_BY"] == 1.0,
     )
 

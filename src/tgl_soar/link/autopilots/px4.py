@@ -280,7 +280,10 @@ class Px4:
         rows = HOVER + (BY_STICKS if by_sticks else BY_OFFBOARD)
         if needs.external_pose:
             rows += POSES
-        return rows + (SATELLITES if needs.gps else NO_SATELLITES)
+        if needs.gps:
+            return rows + SATELLITES
+        # Without both it is not known whence its position comes, and nothing is asked of that.
+        return rows + NO_SATELLITES if needs.external_pose else rows
 
 
 def _limited(deflection: float) -> float:
