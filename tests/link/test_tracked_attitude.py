@@ -94,6 +94,22 @@ def test_the_autopilot_s_is_taken_when_the_poses_stop_and_the_tracker_s_again_la
     assert flight.tracked.switches == 1
 
 
+def test_poses_that_were_late_once_and_none_lost_are_taken_again() -> None:
+    """A network that stands still for a moment: no two poses are further apart than ever."""
+    flight = Flight().runs(3.0, turned(0.5))
+    before_s = flight.now_s
+    flight.runs(0.06, None)
+    assert not flight.tracked.is_chosen
+    for late in range(1, 7):  # what the network held back comes at once
+        held_s = before_s - 0.015 + 0.01 * late
+        flight.tracked.take(turned(0.5), held_s, attitude_sample(9, held_s, LEVEL))
+    flight.runs(RETURN_S - 0.1, turned(0.5))
+    assert not flight.tracked.is_chosen
+    flight.runs(0.2, turned(0.5))
+    assert flight.tracked.is_chosen
+    assert flight.words[-1] == "attitude: the tracker's"
+
+
 @pytest.mark.parametrize(("rad", "taken"), [(0.9 * TILT_RAD, True), (1.1 * TILT_RAD, False)])
 def test_a_body_that_is_tilted_against_the_autopilot_s_vertical_is_refused(
     rad: float, taken: bool

@@ -52,7 +52,9 @@ class TrackedAttitude:
                 self._leave(f"the tracked attitude is {apart_deg:.0f} degrees off: not used")
             self._pose, self._steady_s = NO_ATTITUDE, NAN
             return
-        if not time_s - self._pose.time_s <= FRESH_S:  # the first, or the first after a gap
+        # The first; the first after a gap; or after the attitude was left, with or without a gap:
+        # poses that were only late are as close together as ever.
+        if self._steady_s != self._steady_s or not time_s - self._pose.time_s <= FRESH_S:
             self._steady_s = time_s
         self.used += 1
         p = q = r = NAN
