@@ -83,6 +83,8 @@ def test_a_vehicle_as_it_comes_is_wrong_in_a_hall(route: str) -> None:
         ("manual_control", "COM_FLT_TIME_MAX", 600.0, "set COM_FLT_TIME_MAX to at most 0"),
         ("manual_control", "COM_WIND_MAX_ACT", 3.0, "set COM_WIND_MAX_ACT to at most 1"),
         ("manual_control", "COM_RC_IN_MODE", 0.0, "set COM_RC_IN_MODE to anything but 0"),
+        ("manual_control", "COM_RC_IN_MODE", 2.0, "set COM_RC_IN_MODE to anything but 2"),
+        ("manual_control", "COM_RC_IN_MODE", 3.0, "set COM_RC_IN_MODE to anything but 3"),
         ("manual_control", "COM_RC_IN_MODE", 5.0, "set COM_RC_IN_MODE to anything but 5"),
         ("manual_control", "COM_DISARM_LAND", 2.0, "set COM_DISARM_LAND to at most 0"),
         ("attitude", "EKF2_EV_CTRL", 3.0, "set bit 3 of EKF2_EV_CTRL (to 11)"),

@@ -146,7 +146,7 @@ BY_OFFBOARD = (
     Row("COM_RC_IN_MODE", (0, 2, 3), (1, 4)),
 )
 BY_STICKS = (
-    Row("COM_RC_IN_MODE", (1, 6), (0, 4, 5, 7)),
+    Row("COM_RC_IN_MODE", (1, 6), (0, 2, 3, 4, 5, 7)),
     Row("COM_RC_LOSS_T", (0.3, 0.5), (0.6, 1.0), SHOULD),
 )
 PX4_IN_A_HALL = (

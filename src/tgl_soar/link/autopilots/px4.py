@@ -150,6 +150,8 @@ BY_STICKS: Final = (
         need("COM_RC_IN_MODE", "is not", number, why, old=False)
         for number, why in (
             (0, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
+            (2, "the module would be ignored whenever a radio was received first"),
+            (3, "the module would be ignored whenever a radio was received first"),
             (4, "MANUAL_CONTROL is ignored: 1, or 6 where it is known"),
             (5, "the module would be ignored whenever a radio is received"),
             (7, "the module would be ignored whenever a radio is received"),
