@@ -164,6 +164,20 @@ def test_who_has_released_may_engage_again_and_others_later(
     assert bench.switch.refusal(now_s) == ""  # the pilot
 
 
+@pytest.mark.parametrize("released_s", [101.0, 200.0])
+def test_after_an_abort_and_its_release_others_engage_later(
+    bench: Bench, released_s: float
+) -> None:
+    """What another station repeats must not undo an abort either."""
+    bench.flies().switch.turn(ABORT, "system 255", 100.0, STATION)
+    bench.lands()
+    bench.switch.turn(RELEASE, "system 255", released_s, STATION)
+    words = "somebody else has released: try again after 4 s"
+    assert bench.switch.refusal(released_s + 3.99, OTHER) == words
+    assert bench.switch.refusal(released_s + 3.99, STATION) == ""
+    assert bench.switch.refusal(released_s + 4.01, OTHER) == ""
+
+
 def test_who_releases_what_was_not_engaged_keeps_nobody_waiting(bench: Bench) -> None:
     bench.switch.released(100.0, STATION)
     assert bench.switch.refusal(100.1, OTHER) == ""

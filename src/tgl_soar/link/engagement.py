@@ -139,6 +139,11 @@ class Engagement:
         """An operator has released."""
         self._aborted_by = ""
 
+    @property
+    def is_aborted(self) -> bool:
+        """Whether an abort stands that nobody has released."""
+        return self._aborted_by != ""
+
     def held_back(self) -> str:
         """Why nobody can engage; "" if it is not held back."""
         if self._aborted_by:

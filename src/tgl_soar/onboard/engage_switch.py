@@ -136,6 +136,7 @@ class EngageSwitch:
     def turn(self, request: int, by: str, now_s: float, station: Source | None = None) -> None:
         """Somebody who may has asked for it.  `station`: which; None: the pilot's switch."""
         if request == ABORT:
+            self._note_release(now_s, station)
             self._withdraw()
             self._engagement.abort(by)
             text = f"aborted by {by}: no engagement until released"
@@ -150,10 +151,14 @@ class EngageSwitch:
 
     def released(self, now_s: float, station: Source | None) -> None:
         """An operator has released: an abort holds nobody back any more."""
+        self._note_release(now_s, station)
         self._engagement.clear()
-        if self._settings.engage:
-            self._released_s, self._released_by = now_s, station
         self._withdraw()
+
+    def _note_release(self, now_s: float, station: Source | None) -> None:
+        """What others repeat of what asked for this engagement must not ask for the next one."""
+        if self._settings.engage or self._engagement.is_aborted:
+            self._released_s, self._released_by = now_s, station
 
     def _withdraw(self) -> None:
         """An engagement whose mode has not come yet: no change of mode will report its end."""
