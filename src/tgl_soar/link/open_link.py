@@ -81,7 +81,7 @@ def is_open(text: str) -> bool:
     host = rest.rpartition(":")[0].removeprefix("[").removesuffix("]")
     try:
         found = {str(entry[4][0]) for entry in socket.getaddrinfo(host, None)}
-    except OSError:
+    except (OSError, UnicodeError):
         return True
     return not all(ipaddress.ip_address(a.partition("%")[0]).is_loopback for a in found)
 

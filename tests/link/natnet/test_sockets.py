@@ -375,3 +375,10 @@ def test_a_name_is_asked_for_once_and_its_address_is_the_server(
     with closing(NatNetSockets("hall", server.address[1])) as feed:
         assert feed.server == LOCAL
         asked_from(feed, server)
+
+
+@pytest.mark.parametrize("name", ["10.0..1", "a" * 64 + ".example"])
+def test_a_server_s_name_that_cannot_be_one_is_refused(name: str) -> None:
+    with pytest.raises(NatNetError, match="is not known: ") as caught:
+        resolved(name)
+    assert not isinstance(caught.value, NatNetNotReadyError)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tgl_soar.link.open_link import is_open
 from tgl_soar.link.transports.addresses import host_and_port, resolved
 from tgl_soar.link.transports.base import LinkError, LinkNotReadyError
 
@@ -50,6 +51,14 @@ def test_what_is_no_host_and_port_is_refused_by_the_link_s_name(rest: str, words
         host_and_port(f"udp:{rest}", rest)
     assert str(caught.value) == f"link {f'udp:{rest}'!r}: {words}"
     assert not isinstance(caught.value, LinkNotReadyError)
+
+
+@pytest.mark.parametrize("host", ["192.168..1", "my..host", "a" * 64 + ".example"])
+def test_what_cannot_be_a_name_is_refused_as_one_that_is_not_known(host: str) -> None:
+    with pytest.raises(LinkError, match="is not known: ") as caught:
+        resolved(f"udp:{host}:1", host, 1, socket.SOCK_DGRAM)
+    assert not isinstance(caught.value, LinkNotReadyError)
+    assert is_open(f"udp:{host}:1")
 
 
 def test_a_numeric_address_is_itself_of_its_own_family() -> None:

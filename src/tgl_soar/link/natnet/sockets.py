@@ -121,8 +121,9 @@ def resolved(server: str) -> str:
         return DISCOVERY
     try:
         return socket.gethostbyname(server)
-    except OSError as error:
-        words = f"mocap.server {server!r} is not known: {error.strerror}"
+    except (OSError, UnicodeError) as error:  # a label that is empty or too long is no name
+        why = getattr(error, "strerror", None) or error
+        words = f"mocap.server {server!r} is not known: {why}"
         raise _not_reached(error, words) from None
 
 

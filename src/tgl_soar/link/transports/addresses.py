@@ -21,7 +21,8 @@ def resolved(text: str, host: str, port: int, kind: int) -> tuple[int, tuple[str
     """(address family, address) of a host's name."""
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
-    except OSError as error:
-        words = f"link {text!r}: host {host!r} is not known: {error.strerror}"
+    except (OSError, UnicodeError) as error:  # a label that is empty or too long is no name
+        why = getattr(error, "strerror", None) or error
+        words = f"link {text!r}: host {host!r} is not known: {why}"
         raise not_opened(error, words) from None
     return family, (str(address[0]), port)

@@ -28,7 +28,7 @@ def passes(error: Exception) -> bool:
     return getattr(error, "errno", None) in _PASSING
 
 
-def not_opened(error: OSError, words: str) -> LinkError:
+def not_opened(error: Exception, words: str) -> LinkError:
     """What is raised of a link's socket that cannot be opened."""
     return LinkNotReadyError(words) if passes(error) else LinkError(words)
 
