@@ -45,7 +45,7 @@ def flow(requests: StreamRequests, number: int, count: int) -> None:
 
 
 def test_a_stream_begins_with_nothing() -> None:
-    stream = RequestedStream(1, "X", 5.0)
+    stream = RequestedStream(1, "X", 5.0, 5.0)
     assert (stream.count, stream.measured_hz, stream.wait_s) == (0, 0.0, 2.0)
     assert (stream.given_up, stream.reported, stream.refused_once) == (False, False, False)
 
@@ -179,6 +179,19 @@ def test_a_refusal_soon_after_an_answer_that_did_not_come_may_be_of_the_one_befo
         requests._waiting = stream
         requests.acknowledged(RESULT_UNSUPPORTED, 10.5 + late_s)
         assert stream.given_up
+
+
+def test_a_rate_that_was_denied_is_asked_for_again_after_a_restart_and_reported_again() -> None:
+    """The way out of what is denied takes a restart of the autopilot."""
+    requests, denied = wanting(100.0), [100.0, 80.0, 50.0]
+    for times in (1, 2):
+        for rate_hz in denied:
+            assert asked(requests, 10.0) == (30.0, 1e6 / rate_hz)
+            requests.acknowledged(RESULT_DENIED, 10.0)
+        assert [rate_hz for _, _, rate_hz in requests.notices] == [100.0] * times
+        requests.want(30, "S30", 100.0)  # the same as before: it stays at what is allowed
+        assert asked(requests, 10.0) == (30.0, 25000.0)
+        requests.restart()
 
 
 def test_an_autopilot_that_has_restarted_is_asked_for_all_of_it_again() -> None:

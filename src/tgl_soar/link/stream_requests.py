@@ -48,6 +48,7 @@ class RequestedStream:
     message_id: int
     name: str
     rate_hz: float  # that is asked for now
+    wanted_hz: float  # that was wanted; more than `rate_hz` where it was denied
     due_s: float = -inf  # when to measure and perhaps ask
     since_s: float = float("nan")  # when the measurement began; NaN: never asked for
     count: int = 0
@@ -76,8 +77,8 @@ class StreamRequests:
     def want(self, message_id: int, name: str, rate_hz: float, *, urgent: bool = False) -> None:
         """Ask for a message at a rate, from now on; an urgent one before all others."""
         standing = self._streams.get(message_id)
-        if standing is None or standing.rate_hz != rate_hz:
-            wanted = {message_id: RequestedStream(message_id, name, rate_hz)}
+        if standing is None or standing.wanted_hz != rate_hz:
+            wanted = {message_id: RequestedStream(message_id, name, rate_hz, rate_hz)}
             self._streams = wanted | self._streams | wanted if urgent else self._streams | wanted
             self._due_s = -inf
 
@@ -96,14 +97,18 @@ class StreamRequests:
             stream.count += 1
 
     def restart(self) -> None:
-        """The autopilot has restarted: ask again for what was wanted."""
+        """The autopilot has restarted: ask again for what was wanted.
+
+        At the rate that was wanted: it may have restarted to allow it.
+        """
         self._waiting, self._unanswered_s = None, -inf
         self._due_s = -inf
         for stream in self._streams.values():
             stream.due_s = -inf
             stream.since_s = float("nan")
             stream.wait_s = CHECK_S
-            stream.given_up = False
+            stream.rate_hz = stream.wanted_hz
+            stream.given_up = stream.reported = stream.refused_once = False
 
     def acknowledged(self, result: int, now_s: float) -> None:
         """The answer to the one request that waits for one."""
