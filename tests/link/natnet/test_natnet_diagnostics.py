@@ -31,6 +31,25 @@ def test_a_kind_is_reported_again_after_poses_and_ten_seconds(
     assert notices.texts[-1] == (SEVERITY_WARNING, "OptiTrack: silent")
 
 
+@pytest.mark.parametrize("kind", ["body", "version", "malformed", "truncated", "oversized"])
+def test_what_happens_again_an_hour_later_is_reported_again(kind: str) -> None:
+    notices = OutageNotices()
+    for now_s, count in ((0.0, 1), (1.0, 1), (3600.0, 2), (3605.0, 2)):
+        notices.now_s = now_s
+        notices.report(kind, SEVERITY_WARNING, "out")
+        notices.now_s = now_s + 0.01
+        notices.pose_used(now_s + 0.01)
+        assert sum(text == "OptiTrack: out" for _, text in notices.texts) == count
+
+
+def test_single_datagrams_without_a_pose_between_them_are_reported_once() -> None:
+    notices = OutageNotices()
+    for now_s in (0.0, 20.0, 40.0):
+        notices.now_s = now_s
+        notices.report("malformed", SEVERITY_WARNING, "out")
+    assert len(notices.texts) == 1
+
+
 def test_the_end_of_an_outage_is_said_with_its_length() -> None:
     notices = OutageNotices()
     notices.report("order", SEVERITY_INFO, "no outage")
@@ -69,7 +88,8 @@ def test_everything_is_counted_from_zero_and_said_by_its_name(name: str) -> None
     [
         *((kind, True) for kind in ("silent", "nobody", "frameless", "odd", "stale", "absent")),
         *((kind, True) for kind in ("untracked", "finite", "frozen", "jump", "poor")),
-        *((kind, False) for kind in ("version", "mode", "body", "restart")),
+        *((kind, True) for kind in ("version", "body")),
+        *((kind, False) for kind in ("mode", "restart", "malformed", "truncated", "oversized")),
     ],
 )
 def test_that_poses_are_back_is_said_after_what_kept_them_away(kind: str, is_outage: bool) -> None:

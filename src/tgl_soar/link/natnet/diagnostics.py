@@ -17,8 +17,10 @@ REARM_S: Final = 10.0  # between two notices of a kind: what flickers must not f
 # While one of these lasts no pose is used: when one is again, that is reported.
 OUTAGES: Final = frozenset(
     ("silent", "nobody", "frameless", "odd", "stale", "absent", "untracked", "finite", "frozen",
-     "jump", "poor")
+     "jump", "poor", "body", "version")
 )  # fmt: skip
+# Caused by single datagrams, while poses may go on: over as soon as a pose is used.
+SINGLE: Final = frozenset(("malformed", "truncated", "oversized"))
 
 
 @dataclass(slots=True)
@@ -76,7 +78,8 @@ class OutageNotices:
     def report(self, kind: str, severity: int, text: str) -> None:
         """A notice of a kind, once in an outage."""
         last_s = self._reported_s.get(kind)
-        if last_s is not None and not (self._back_s > last_s and self.now_s - last_s >= REARM_S):
+        over_s = self._used_s if kind in SINGLE else self._back_s  # NaN: none was used
+        if last_s is not None and not (over_s > last_s and self.now_s - last_s >= REARM_S):
             return
         self._reported_s[kind] = self.now_s
         self._out = self._out or kind in OUTAGES
