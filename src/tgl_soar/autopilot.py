@@ -366,11 +366,10 @@ def _line_from_aircraft(laws: Laws, state: AutopilotState, estimates: Estimates)
     vehicle = estimates.vehicle
     line = line_at(laws.target, vehicle.x_m, vehicle.z_m)
     rate = e_rho(0.0, 0.0, line.eta_rad, vehicle.velocity_x_mps, vehicle.climb_mps)
+    held_rad = estimates.memory.pitch_trim.pitch_rad + state.throttle.pitch_rad  # as it is added
     return state._replace(
         line=line,
-        soaring=soaring_reset(
-            laws.soaring, estimates.memory.pitch_trim.pitch_rad, rate, vehicle.pitch_rad
-        ),
+        soaring=soaring_reset(laws.soaring, held_rad, rate, vehicle.pitch_rad),
         off_line_s=vehicle.time_s,
     )
 
@@ -529,7 +528,7 @@ def _guide(
     else:
         if way.starts_line(phase, vehicle):
             pitch = soaring.pitch_setpoint_rad
-            soaring = soaring_reset(laws.soaring, theta_0, 0.0, pitch)
+            soaring = soaring_reset(laws.soaring, theta_0 + effect.pitch_rad, 0.0, pitch)
         if decision.action == modes.NEW_LINE:
             rate = tracking.e_rho_rate_mps + line.speed_mps  # the new line is at rest
             state = _line_from_aircraft(laws, state, estimates)
@@ -556,7 +555,9 @@ def _guide(
         soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
-        roll_setpoint = way.turning_bank(laws, decision.mode, psi_setpoint, vehicle.heading_rad)
+        mode = decision.mode
+        bank = way.turning_bank(laws, mode, psi_setpoint, vehicle.heading_rad)
+        roll_setpoint = 0.0 if way.keeps_level(mode, phase) else bank
     return _Guidance(
         line=line,
         tracking=tracking,

@@ -24,6 +24,7 @@ from tgl_soar.autopilot import (
 )
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.envelope import CUT_NOSE_UP
+from tgl_soar.control.estimates import estimate
 from tgl_soar.control.excitation import IDLE, RUNNING
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint
 from tgl_soar.control.laws import Laws, laws_from
@@ -301,6 +302,31 @@ def test_who_turns_by_banking_is_given_a_bank() -> None:
     assert state.sideways == flight.state.sideways
     own, _ = tick(flight)
     assert own.sideways != flight.state.sideways
+
+
+def test_who_turns_by_banking_is_level_where_it_holds_or_recovers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    laws = LAWS._replace(loops=THEIRS)
+    flight = soaring().fly(0.2)
+    flight.glider.psi = 0.2
+    flight.fly(0.05)
+    monkeypatch.setattr(autopilot.way, "keeps_level", lambda *_: True)
+    _, output = tick(flight, laws)
+    assert output.setpoints.roll_rad == 0.0
+
+
+def test_a_line_that_begins_anew_under_power_keeps_the_pitch() -> None:
+    """The propeller's share is in the pitch that is flown, and added to what the line asks for."""
+    flight = soaring().fly(0.2)
+    flown, wanted = flight.outputs[-1].vehicle.pitch_rad, []
+    for up_rad in (0.0, radians(4.0)):
+        state = flight.state._replace(throttle=flight.state.throttle._replace(pitch_rad=up_rad))
+        seen = estimate(LAWS, state.memory, next_inputs(flight), True, state.loops.limited, DT)
+        begun = autopilot._line_from_aircraft(LAWS, state, seen).soaring
+        wanted.append(begun.pid.integral + up_rad)
+        assert begun.pitch_setpoint_rad == pytest.approx(flown, abs=1e-3)
+    assert wanted[1] == pytest.approx(wanted[0])
 
 
 @pytest.mark.parametrize("in_hand", [False, True])

@@ -205,7 +205,8 @@ def test_a_lull_is_counted_while_it_lasts_and_off_while_it_does_not() -> None:
     for climb, low in ((-0.45 * high, less), (-0.55 * high, more), (9.0, less), (nan, less)):
         assert after(climb=climb).low_s == low
     assert after(CAPTURING, climb=-9.0 * high).low_s == less
-    assert after(HOLDING, wind=0.0) == Lull(0.0, 0.0)
+    assert after(HOLDING, wind=0.0) == Lull(0.1, 0.1)
+    assert after(RECOVERING, wind=0.0) == Lull(0.0, 0.0)
     # However long it has lasted, two seconds and a third of one are all there is to make good.
     assert after(wind=least - 0.6, climb=-0.55 * high, before_s=3600.0) == (4.0, 0.6)
 

@@ -137,7 +137,7 @@ def test_who_soars_needs_no_power_for_the_way_home(monkeypatch: pytest.MonkeyPat
         (SOARING, settled, NOT_CALLED),
         (BREAKING_OFF, settled, HOME),
         (SOARING, settled._replace(excess_mps=-0.6), HOME),
-        (SOARING, NO_FORECAST, HOME),
+        (SOARING, NO_FORECAST, NOT_CALLED),  # by what it does: it does not sink
     ):
         after = power.power_step(laws, state, mode, forecast, short, level, DT_S)
         assert after.called == called

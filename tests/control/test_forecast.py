@@ -311,6 +311,20 @@ def stepped(state: ForecastState, time_s: float, wind_mps: float = 8.5) -> Forec
     return forecast_step(PARAMS, WIDE, LEVEL, state, vehicle, air, 0.02, ETA, False)
 
 
+@pytest.mark.parametrize(("ahead_s", "stands"), [(5.0, False), (0.9, True)])
+def test_a_line_that_begins_to_move_is_not_judged_as_it_stood(ahead_s: float, stands: bool) -> None:
+    """But by the time that is left: at once, and not with the next reading."""
+    bad = f.NO_FORECAST._replace(standing=f.TOO_LOW, ahead_s=ahead_s, chance=0.01, excess_mps=-0.2)
+    read = f.initial_forecast()._replace(begun_s=0.0, time_s=1.0, held=5, foreseen=bad)
+    air = NO_AIR._replace(wind_mps=8.5, updraft_mps=0.5, wind_sigma_mps=0.1)
+    for moving in (False, True):
+        after = forecast_step(
+            PARAMS, WIDE, LEVEL, read, STILL._replace(time_s=1.005), air, 0.02, ETA, moving
+        )
+        assert f.nowhere(after.foreseen) == (stands or not moving)
+        assert (after.time_s, after.lift) == (1.0, read.lift)
+
+
 def test_it_reads_every_tenth_of_a_second_and_foresees_after_its_window() -> None:
     state, read, first_s = initial_forecast(), 0, nan
     for k in range(200):

@@ -21,7 +21,7 @@ from tgl_soar.control.glide_home import (
 from tgl_soar.control.landing import LandingParams, escape_height
 from tgl_soar.types import AirEstimate, VehicleState
 
-FLIES = EscapeView(flying=True, goes_home=False, soars=False, place_known=True)
+FLIES = EscapeView(flying=True, goes_home=False, soars=False, same_line=False, place_known=True)
 HOME = FLIES._replace(goes_home=True)
 WAITS = PARAMS._replace(waits=True)
 SOARS = FLIES._replace(soars=True)
@@ -153,7 +153,8 @@ def test_what_counts_is_what_is_left_in_the_wind_that_carried_it() -> None:
     carried = KNOWN._replace(wind_mps=8.0, carried_mps=7.5)
     state = step(carried, view=SOARS, params=WAITS, blows=air(wind_mps=9.0), dt_s=0.1)
     blend = 1.0 - exp(-0.1)
-    now, then = (escape_height(PARAMS, at(), air(wind_mps=mps)) for mps in (9.0, 7.5))
+    fast, slow = air(wind_mps=9.0), air(wind_mps=7.5, airspeed_mps=air().airspeed_mps - 1.5)
+    now, then = (escape_height(PARAMS, at(), blows) for blows in (fast, slow))
     assert state.left_m == pytest.approx(LEFT_M + blend * (now - LEFT_M))
     assert state.counts_m == pytest.approx(LEFT_M + blend * (then - LEFT_M))
     assert then - now > 1.0

@@ -356,6 +356,16 @@ def test_what_the_air_slows_has_more_time() -> None:
     assert advances(2.0 * sink) == pytest.approx(still)
 
 
+def test_a_flare_without_an_airspeed_is_trimmed_for_the_speed_that_is_held() -> None:
+    """A speed that is no number would be taken for the fastest: a nose that goes down."""
+    held = NO_GLIDE._replace(speed_mps=8.2)
+    for airspeed, least, most in ((7.9, 7.9, 7.9), (nan, 8.0, 8.4)):
+        met = air(airspeed_mps=airspeed)
+        vehicle = at(z_m=0.4, climb_mps=-0.6)
+        _, speed = glide_step(PARAMS, held, False, True, vehicle, met, 0.4, False, DT)
+        assert least <= speed <= most
+
+
 def test_it_turns_back_so_that_it_stays_near_the_approach() -> None:
     state, setpoints = NO_GLIDE, airspeed_hold.GlideSetpoints(0.0, 0.0, 0.0, 0.0)
     y = worst = 0.0

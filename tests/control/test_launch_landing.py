@@ -25,6 +25,7 @@ from tgl_soar.control.launch_landing import (
     Lull,
     can_beat,
     hand_conditions,
+    keeps_level,
     knows_place,
     phase_conditions,
     phase_step,
@@ -255,6 +256,8 @@ def test_a_wind_that_is_slower_than_the_slowest_glide_counts_on_a_line(mode: int
     if mode in ON_LINE:
         assert slow == MORE
         assert lull(mode, wind_mps=SLOWEST_MPS - 0.4).slow_s == LESS
+    elif mode == modes.HOLDING:  # a gap of one tick is no other wind
+        assert slow == 0.1
     else:
         assert slow == (LESS if mode == modes.BEATING else 0.0)
 
@@ -284,7 +287,26 @@ def test_neither_a_capture_nor_a_survey_is_low_along_its_line() -> None:
     assert lull(clearance_m=1.0, laws=laws_with(SRV_START=1.0)).low_s == LESS
 
 
-@pytest.mark.parametrize("mode", [modes.HOLDING, modes.RECOVERING, modes.LANDING])
+@pytest.mark.parametrize(
+    ("mode", "standing", "level"),
+    [
+        (modes.HOLDING, launch.IDLE, True),
+        (modes.RECOVERING, launch.IDLE, True),
+        (modes.LAUNCHING, launch.HELD, True),
+        (modes.LAUNCHING, launch.THROWN, True),
+        (modes.LAUNCHING, launch.GLIDING, False),
+        (modes.CAPTURING, launch.IDLE, False),
+        (modes.BEATING, launch.IDLE, False),
+        (modes.LANDING, launch.IDLE, False),
+    ],
+)
+def test_the_wings_are_level_where_the_modes_say_so(mode: int, standing: int, level: bool) -> None:
+    """Also of a firmware that turns by banking."""
+    state = NO_LAUNCH_LANDING._replace(launch=NO_LAUNCH_LANDING.launch._replace(standing=standing))
+    assert keeps_level(mode, state) == level
+
+
+@pytest.mark.parametrize("mode", [modes.LAUNCHING, modes.RECOVERING, modes.LANDING])
 def test_without_a_line_a_lull_is_forgotten(mode: int) -> None:
     assert lull(mode, wind_mps=0.0, clearance_m=0.1) == NO_LULL == (0.0, 0.0)
 

@@ -277,11 +277,28 @@ def test_it_opens_for_want_of_lift_and_for_the_way_home() -> None:
     for ahead, way, called in (
         (SETTLES, NO_LAUNCH_LANDING, NOT_CALLED),
         (SINKS, NO_LAUNCH_LANDING, NOWHERE),
-        (NO_FORECAST, SHORT, HOME),
+        (NO_FORECAST, SHORT, NOT_CALLED),
     ):
         after = power_step(LAWS, NO_THROTTLE, modes.SOARING, ahead, way, GOOD, DT)
         assert after.called == called
         assert (after.fraction > 0.0) == (called != NOT_CALLED)
+
+
+@pytest.mark.parametrize(
+    ("mode", "climb_mps", "called"),
+    [
+        (modes.SOARING, -0.3, NOT_CALLED),
+        (modes.SOARING, -0.5, HOME),
+        (modes.CAPTURING, -0.3, NOT_CALLED),
+        (modes.BREAKING_OFF, 0.0, HOME),
+    ],
+)
+def test_where_nothing_is_foreseen_it_goes_by_what_the_aircraft_does(
+    mode: int, climb_mps: float, called: int
+) -> None:
+    """As for half a second after each gap of the position, and always with FC_ACT 0."""
+    now = GOOD._replace(vehicle=GOOD.vehicle._replace(climb_mps=climb_mps))
+    assert power_step(LAWS, NO_THROTTLE, mode, NO_FORECAST, SHORT, now, DT).called == called
 
 
 def test_the_last_second_of_a_budget_is_power_yet() -> None:

@@ -326,7 +326,7 @@ def test_the_way_home_is_given_up_for_the_line_inside_the_fence_alone(mode: int)
     everything = walk(mode)
     back = everything.to == s.CAPTURING
     expected = everything.has(VITAL | s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED)
-    expected &= everything.has(s.INSIDE_LEE | s.NOT_BLIND)
+    expected &= everything.has(s.INSIDE_LEE | s.NOT_BLIND | s.HIGH_ENOUGH)
     assert np.array_equal(back, expected)
     assert np.all(everything.action[back] == s.NEW_LINE)
 
@@ -423,7 +423,7 @@ HOME_ROWS = [
     (0, s.INSIDE_LEE, *RELEASES, s.REASON_FENCE),
     (0, s.NOT_BLIND, *RELEASES, s.REASON_POSITION_LOST),
     (
-        s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.SETTLED,
+        s.SOAR_ON | s.POSITION_FRESH | s.INSIDE_FENCE | s.HIGH_ENOUGH | s.SETTLED,
         *(0, s.CAPTURING, s.NEW_LINE, s.REASON_SOAR_ON),
     ),
 ]
@@ -433,6 +433,8 @@ ON_LINE_ROWS = [
     (s.SETTLED, s.POSITION_FRESH, s.HOLDING, s.HOLD, s.REASON_POSITION_GAP),
     (0, s.INSIDE_FENCE, s.RELEASED, s.HAND_OVER, s.REASON_FENCE),
     (s.BEAT | s.SETTLED, 0, s.BEATING, s.NOTHING, s.REASON_BEAT),
+    (s.BEAT, s.NEAR_LINE, s.BEATING, s.NOTHING, s.REASON_BEAT),
+    (s.BEAT, s.SETTLES, s.BEATING, s.NOTHING, s.REASON_BEAT),
     (0, s.NEAR_LINE, s.RELEASED, s.HAND_OVER, s.REASON_OFF_LINE),
     (0, s.SETTLES, s.RELEASED, s.HAND_OVER, s.REASON_NOWHERE),
     (s.TROUBLED, s.AIR_SAFE, s.RECOVERING, s.GLIDE, s.REASON_STALL),
@@ -474,7 +476,10 @@ FLYING_ROWS = {
         (s.TIME_UP, 0, s.RELEASED, s.HAND_OVER, s.REASON_NOT_RECOVERED),
     ],
     s.SEARCHING: [
-        *((*row[:4], s.REASON_NOT_FOUND) if row[1] == s.SETTLES else row for row in ON_LINE_ROWS),
+        *(
+            (*row[:4], s.REASON_NOT_FOUND) if row[4] == s.REASON_NOWHERE else row
+            for row in ON_LINE_ROWS
+        ),
         (0, s.SEARCH, s.CAPTURING, s.NOTHING, s.REASON_SEARCH_OVER),
         (
             s.PLACE_FOUND | s.ON_LINE | s.SETTLED,

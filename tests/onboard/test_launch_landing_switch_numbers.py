@@ -128,6 +128,32 @@ def test_before_and_without_a_launch_it_stays_as_it_is_set(bench: Bench) -> None
     assert other.values["LNC_START"] == 1.0
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "kept"),
+    [
+        (modes.BEATING, modes.BREAKING_OFF, STAY),
+        (modes.BEATING, modes.CAPTURING, SOAR_ON),
+        (modes.SOARING, modes.BREAKING_OFF, SOAR_ON),
+        (modes.BREAKING_OFF, modes.LANDING, SOAR_ON),
+    ],
+)
+def test_to_soar_on_is_of_the_way_home_that_it_was_asked_on(
+    bench: Bench, before: int, after: int, kept: float
+) -> None:
+    """Who beats and breaks off for its height is not turned back by what was asked hours ago."""
+    bench.tick(before)
+    bench.values["ESC_START"] = SOAR_ON
+    bench.tick(after, 0.1)
+    assert bench.values["ESC_START"] == kept
+
+
+def test_a_break_that_is_asked_for_while_it_beats_stays(bench: Bench) -> None:
+    bench.tick(modes.BEATING)
+    bench.values["ESC_START"] = BREAK
+    bench.tick(modes.BREAKING_OFF, 0.1)
+    assert bench.values["ESC_START"] == BREAK
+
+
 @pytest.mark.parametrize(("waits_s", "over"), [(59.9, False), (60.1, True)])
 def test_a_launch_that_nobody_engages_within_a_minute_is_none(
     bench: Bench, waits_s: float, over: bool

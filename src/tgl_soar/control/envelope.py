@@ -14,7 +14,7 @@ Against the stall, with the angle of attack alpha and the airspeed V where they 
 
     margin = min(alpha_max - alpha, (V - V_min) PITCH_PER_SPEED)
     pitch setpoint <= pitch + margin, or the best glide's, whichever is higher
-    elevator <= trim + (travel - trim) margin / MARGIN_FULL     between trim and travel
+    elevator <= trim + (SURF_MAX - trim) margin / MARGIN_FULL     between trim and travel
 
 so that at the limit the elevator stands no further up than its trim.  What is not known does
 not limit.  Whatever is known of the air, the travel ends where the elevator would hold, at the

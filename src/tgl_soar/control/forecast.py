@@ -268,7 +268,7 @@ def forecast_step(
     now = vehicle.time_s
     passed = now - state.time_s
     if 0.0 <= passed < PERIOD_S - 1e-6:
-        return state
+        return _as_it_moves(params, state) if moving else state
     vx, climb = vehicle.velocity_x_mps, vehicle.climb_mps
     known = isfinite(vehicle.x_m + vehicle.z_m + vx + climb + eta_rad + params.polar.c0)
     known = known and isfinite(air.wind_mps + air.updraft_mps + air.wind_sigma_mps)
@@ -307,6 +307,16 @@ def forecast_step(
         gusts=gusts,
         foreseen=forecast,
     )
+
+
+def _as_it_moves(params: ForecastParams, state: ForecastState) -> ForecastState:
+    """What was read of a line that stood still, as soon as it moves: then only the time that is
+    left counts, and who moves it away from where there is no place is not to be stopped for it."""
+    read = state.foreseen
+    soon = read.excess_mps < 0.0 and read.ahead_s < params.time_s and read.chance < SOON_CHANCE
+    if not nowhere(read) or soon:
+        return state
+    return state._replace(held=0, foreseen=read._replace(standing=SETTLES))
 
 
 def nowhere(forecast: Forecast) -> bool:

@@ -37,6 +37,7 @@ class EscapeView(NamedTuple):
     flying: bool  # in the air and in control
     goes_home: bool  # it is on its way there
     soars: bool  # a line that rests carries it
+    same_line: bool  # it has not left that line, nor has the line moved
     place_known: bool
 
 
@@ -46,7 +47,7 @@ class EscapeState(NamedTuple):
     left_m: float  # of height, averaged; NaN: not known
     rate_mps: float  # at which it changes, averaged
     counts_m: float  # left_m, or what is left once the wind has fallen
-    wind_mps: float  # averaged over TREND_S; NaN: it does not soar, or would not wait
+    wind_mps: float  # averaged over TREND_S, as it soared; NaN: not on this line, or not waiting
     carried_mps: float  # the least of that in which this line has carried it; inf: none
     since_s: float  # since when there is some left that counts, or none
     armed: bool  # there was some left in this flight
@@ -85,10 +86,15 @@ def escape_step(
     speed2 += vehicle.climb_mps * vehicle.climb_mps
     still = view.goes_home and view.place_known and speed2 < STILL_MPS * STILL_MPS
     still_s = state.still_s if still and state.still_s <= now else now
+    state = _carried_step(params.waits, state, view, air, dt_s)._replace(still_s=still_s)
     left = escape_height(params, vehicle, air) if view.place_known else NAN
     if left != left:
-        return NO_ESCAPE._replace(still_s=still_s, armed=state.armed)
-    state = _carried_step(state, params.waits and view.soars, air, dt_s)._replace(still_s=still_s)
+        return NO_ESCAPE._replace(
+            still_s=still_s,
+            armed=state.armed,
+            wind_mps=state.wind_mps,
+            carried_mps=state.carried_mps,
+        )
     counts = left
     if state.carried_mps < wind_speed(air):  # false for NaN
         counts = escape_height(params, vehicle, slower(air, state.carried_mps))
@@ -109,10 +115,15 @@ def escape_step(
     )
 
 
-def _carried_step(state: EscapeState, soars: bool, air: AirEstimate, dt_s: float) -> EscapeState:
-    """The least wind in which it has soared on this line; another line resets it."""
-    wind = wind_speed(air) if soars else NAN
-    if wind != wind:
+def _carried_step(
+    waits: bool, state: EscapeState, view: EscapeView, air: AirEstimate, dt_s: float
+) -> EscapeState:
+    """The least wind in which it has soared on this line; another line resets it, and a moment
+    without position or wind does not."""
+    wind = wind_speed(air) if view.soars and view.place_known else NAN
+    if waits and wind != wind and view.same_line:
+        return state
+    if not waits or wind != wind:
         return state._replace(wind_mps=NAN, carried_mps=INFINITE)
     averaged = state.wind_mps
     if averaged == averaged:

@@ -404,7 +404,8 @@ def glide_step(
         airspeed_error=airspeed_error,
         from_high=from_high,
     )
-    return state, air.airspeed_mps if flares else state.speed_mps
+    speed = air.airspeed_mps
+    return state, speed if flares and speed == speed else state.speed_mps
 
 
 def _goes_right(

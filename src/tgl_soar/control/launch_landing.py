@@ -138,6 +138,7 @@ def phase_step(
         flying=in_air,
         goes_home=goes_home,
         soars=(mode == modes.SOARING and not line.moving) or mode == modes.BEATING,
+        same_line=not (line.moving or goes_home),
         place_known=known,
     )
     escape = escape_step(laws.landing, state.escape, view, vehicle, air, dt_s)
@@ -149,6 +150,8 @@ def phase_step(
 
 def _lull_step(laws: Laws, before: Lull, mode: int, estimates: Estimates, dt_s: float) -> Lull:
     """One tick more of it; the wind is that of both axes, where both are known."""
+    if mode == modes.HOLDING:  # of the same line: a gap of one tick is no other wind
+        return before
     on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
     if not on_line and mode != modes.BEATING:
         return NO_LULL
@@ -247,6 +250,8 @@ def with_way_home(
     on_line = mode in (modes.CAPTURING, modes.SOARING, modes.SEARCHING)
     given_up = on_line and found & flown != flown
     low, slow = state.lull.low_s >= LOW_S, state.lull.slow_s >= SLOW_S
+    if mode == modes.HOLDING:  # it is of before: nothing is judged by it without a position
+        low = slow = False
     # In a wind that dies fast it falls off its line before that.
     cannot_stand = slow or (given_up and state.lull.slow_s >= 0.5 * SLOW_S)
     cannot_stand = cannot_stand or (on_line and state.beat.oblique_s >= ridge_beat.VEER_S)
@@ -349,6 +354,13 @@ def phase_guide(
             gains, sideways, error, error, 0.0, dt_s, limited.aileron_blocked
         )
     return state, soaring, terms, sideways, sideways_terms, setpoints.heading_rad
+
+
+def keeps_level(mode: int, state: LaunchLandingState) -> bool:
+    """Whether a firmware that turns by banking is not to turn: the wings are level there."""
+    return mode in (modes.HOLDING, modes.RECOVERING) or (
+        mode == modes.LAUNCHING and flies_no_line(mode, state)
+    )
 
 
 def turning_bank(laws: Laws, mode: int, setpoint_rad: float, heading_rad: float) -> float:

@@ -7,7 +7,7 @@ from typing import Final
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.envelope import Margins
 from tgl_soar.control.estimates import Estimates
-from tgl_soar.control.forecast import OUTSIDE, SETTLES, TOO_LOW, Forecast
+from tgl_soar.control.forecast import OUTSIDE, SETTLES, TOO_LOW, UNKNOWN, Forecast
 from tgl_soar.control.glide_home import time_left
 from tgl_soar.control.launch_landing import LaunchLandingState
 from tgl_soar.control.laws import Laws
@@ -84,6 +84,8 @@ def power_step(
         return closed(laws.throttle, state, dt_s)
     escape, vehicle, margins = launch_landing.escape, estimates.vehicle, estimates.margins
     soars = forecast.standing == SETTLES and forecast.excess_mps > SOARS_LEAST_MPS
+    if forecast.standing == UNKNOWN and mode != modes.BREAKING_OFF:  # then by what it does
+        soars = vehicle.climb_mps > SOARS_LEAST_MPS
     goes_home = escape.armed and (mode == modes.BREAKING_OFF or not soars)
     view = ThrottleView(
         allowed=is_allowed(laws, mode, estimates),

@@ -282,6 +282,8 @@ def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, 
         Transition(mode, SETTLED, POSITION_FRESH, HOLDING, HOLD, REASON_POSITION_GAP),
         Transition(mode, 0, INSIDE_FENCE, RELEASED, HAND_OVER, REASON_FENCE),
         Transition(mode, BEAT | SETTLED, 0, BEATING, NOTHING, REASON_BEAT),
+        Transition(mode, BEAT, NEAR_LINE, BEATING, NOTHING, REASON_BEAT),
+        Transition(mode, BEAT, SETTLES, BEATING, NOTHING, REASON_BEAT),
         Transition(mode, 0, NEAR_LINE, RELEASED, HAND_OVER, REASON_OFF_LINE),
         Transition(mode, 0, SETTLES, RELEASED, HAND_OVER, nowhere),
         Transition(mode, TROUBLED, AIR_SAFE, RECOVERING, GLIDE, REASON_STALL),
@@ -291,7 +293,7 @@ def _on_the_line(mode: int, nowhere: int = REASON_NOWHERE) -> tuple[Transition, 
 
 def _on_the_way_home(mode: int) -> tuple[Transition, ...]:
     """It ends over the slope or blind; the operator takes it back where the line can be flown."""
-    back = SOAR_ON | POSITION_FRESH | INSIDE_FENCE | SETTLED
+    back = SOAR_ON | POSITION_FRESH | INSIDE_FENCE | HIGH_ENOUGH | SETTLED
     return (
         *_faults(mode),
         Transition(mode, 0, INSIDE_LEE, RELEASED, HAND_OVER, REASON_FENCE),

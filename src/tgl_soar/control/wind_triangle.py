@@ -31,6 +31,14 @@ def wind_speed(air: AirEstimate) -> float:
 
 
 def slower(air: AirEstimate, wind_mps: float) -> AirEstimate:
-    """The same air in a wind of the same direction with another speed, above zero before."""
-    factor = wind_mps / wind_speed(air)
-    return air._replace(wind_mps=factor * air.wind_mps, cross_wind_mps=factor * air.cross_wind_mps)
+    """The same air in a wind of the same direction with another speed, above zero before.
+
+    The velocity over the ground stays: against the wind the airspeed loses what the wind does.
+    """
+    before_mps = wind_speed(air)
+    factor = wind_mps / before_mps
+    return air._replace(
+        wind_mps=factor * air.wind_mps,
+        cross_wind_mps=factor * air.cross_wind_mps,
+        airspeed_mps=max(0.0, air.airspeed_mps + wind_mps - before_mps),
+    )

@@ -266,8 +266,7 @@ def health_step(
         position, frame = _look_at_position(
             position, frame, inputs.position, now, not flying, stands
         )
-    # Farther back than a sample out of order it is the clock that went.
-    if inputs.imu.sequence > 0 and not -STALE_S <= inputs.imu.time_s - tilt.time_s < TILT_STEP_S:
+    if inputs.imu.sequence > 0:
         tilt = _look_at_tilt(tilt, inputs)
     if commanding and inputs.surfaces.sequence > 0:
         surfaces = _look_at_surfaces(limits, surfaces, inputs, command, dt_s)
@@ -524,6 +523,8 @@ def _look_at_tilt(tilt: TiltState, inputs: Inputs) -> TiltState:
     """Accelerations against the newest attitude."""
     imu, q = inputs.imu, inputs.attitude
     dt = imu.time_s - tilt.time_s
+    if -STALE_S <= dt < TILT_STEP_S:  # farther back it is the clock that went
+        return tilt
     x = imu.force_x_frd_mps2 / GRAVITY_MPS2 + 2.0 * (q.qx * q.qz - q.qw * q.qy)
     y = imu.force_y_frd_mps2 / GRAVITY_MPS2 + 2.0 * (q.qy * q.qz + q.qw * q.qx)
     z = imu.force_z_frd_mps2 / GRAVITY_MPS2 + 1.0 - 2.0 * (q.qx * q.qx + q.qy * q.qy)

@@ -13,7 +13,7 @@ from typing import Final
 from tgl_soar.autopilot import Output
 from tgl_soar.control.landing import BREAK, SOAR_ON, STAY
 from tgl_soar.control.launch import is_in_no_hand
-from tgl_soar.control.supervisor import LAUNCHING, goes_home, is_flying
+from tgl_soar.control.supervisor import BEATING, LAUNCHING, goes_home, is_flying
 from tgl_soar.link.messages import SEVERITY_NOTICE, SEVERITY_WARNING
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
@@ -69,6 +69,8 @@ class LaunchLandingSwitch:
             self._put_back("LNC_START")
         if ended or goes_home(output.mode):  # asked for where there was no room, too
             self._put_back("BEAT_START")
+        if before == BEATING and goes_home(output.mode) and self._soars_on():
+            self._put_back("ESC_START")  # that was of another way home
         self._end_wait(output)
         self._end_break(output)
         if not output.active:
@@ -96,6 +98,9 @@ class LaunchLandingSwitch:
             self._here_s = now
         elif now - self._here_s >= SHOW_BREAK_S:
             self._put_back("ESC_START")
+
+    def _soars_on(self) -> bool:
+        return self._settings.values["ESC_START"] == SOAR_ON
 
     def _put_back(self, name: str) -> None:
         if self._settings.values[name] != STAY:
