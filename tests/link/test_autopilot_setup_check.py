@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Mapping
 from itertools import pairwise
 
@@ -333,8 +334,9 @@ def test_what_was_wrong_is_asked_for_again_when_an_engagement_is_tried() -> None
     assert "SYSID_MYGCS" in check.held_back()
     vehicle.parameters |= GOOD
     vehicle.asked.clear()
+    check.ask_again()
     vehicle.run(check)
-    assert vehicle.names() == {"A", *SENDERS}
+    assert vehicle.names() == {"A", "SYSID_MYGCS"}  # and not what this firmware lacks
     assert check.held_back() == ""
 
 
@@ -343,8 +345,36 @@ def test_an_engagement_that_is_not_held_back_asks_nothing() -> None:
     vehicle = Vehicle(GOOD).run(check)
     vehicle.asked.clear()
     assert check.held_back() == ""
+    check.ask_again()
     vehicle.run(check)
     assert vehicle.asked == []
+
+
+def test_who_looks_whether_it_is_held_back_asks_nothing_and_delays_no_report() -> None:
+    """The entry is shown once a second from the start."""
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0, "SYSID_MYGCS": 254.0})
+    for _ in range(20):
+        vehicle.run(check, 1.0)
+        check.held_back()
+    assert any("SYSID_MYGCS" in notice for notice in vehicle.notices)
+    assert any(notice.startswith("cannot be engaged: set A") for notice in vehicle.notices)
+    counts = Counter(name for _, names in vehicle.asked for name in names)
+    assert max(counts.values()) <= 4
+    assert counts["A"] == counts["SYSID_MYGCS"] == 1
+
+
+def test_what_is_being_asked_for_is_not_begun_anew_by_who_asks_to_engage() -> None:
+    check = inquiry()
+    vehicle = Vehicle({**GOOD, "A": 9.0}).run(check)
+    vehicle.parameters.clear()  # it answers no more
+    vehicle.asked.clear()
+    check.ask_again()
+    for _ in range(3):
+        vehicle.run(check, 0.5)
+        check.ask_again()
+    vehicle.run(check, 5.0)
+    assert [names for _, names in vehicle.asked] == [["A"]] * 4
 
 
 def test_what_was_corrected_and_is_wrong_again_is_reported_again() -> None:

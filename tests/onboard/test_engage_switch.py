@@ -39,7 +39,7 @@ class Bench:
         self.values |= {"GPS_ACC_H": 0.0, "GPS_ACC_V": 0.0}
         self.said: list[tuple[int, str]] = []
         self.console_words: list[str] = []
-        self.beats = 0
+        self.beats = self.asked_again = 0
         self.asked: list[dict[str, bool]] = []
         self.line_fault = self.held_back = ""
         self.received: list[int] = []
@@ -52,7 +52,7 @@ class Bench:
         session = SimpleNamespace(
             presence=self.presence,
             receiver=SimpleNamespace(counts=True, known=lambda _: self.accuracy),
-            inquiry=SimpleNamespace(held_back=lambda: self.held_back),
+            inquiry=SimpleNamespace(held_back=lambda: self.held_back, ask_again=self._ask_again),
             streams=SimpleNamespace(received=self.received.append),
             heartbeat=self._beat,
         )
@@ -67,6 +67,9 @@ class Bench:
     @property
     def op_engage(self) -> float:
         return self.values["OP_ENGAGE"]
+
+    def _ask_again(self) -> None:
+        self.asked_again += 1
 
     def _beat(self) -> str:
         self.beats += 1
@@ -195,6 +198,14 @@ def test_beside_a_duplicate_nobody_engages_and_who_flies_flies_on(bench: Bench) 
     assert bench.switch.refusal(105.1) == ""
     bench.is_active = True
     assert bench.switch.refusal(100.1) == ""
+
+
+def test_only_who_asks_to_engage_has_the_autopilot_asked_again(bench: Bench) -> None:
+    assert (bench.switch.request_refusal(1.0), bench.asked_again) == ("", 0)
+    bench.held_back = "not set up"
+    words = f"not set up; {OVERRIDE}"
+    assert (bench.switch.refusal(1.0), bench.asked_again) == (words, 0)
+    assert (bench.switch.request_refusal(1.0), bench.asked_again) == (words, 1)
 
 
 def test_what_is_unfit_is_refused_but_for_who_forces_it_or_flies(bench: Bench) -> None:

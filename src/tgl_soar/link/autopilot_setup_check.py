@@ -52,6 +52,13 @@ class ParameterReading:
         for name in names:
             self._waiting[name] = (0, NEVER_S)
 
+    def ask_again(self, names: Iterable[str]) -> None:
+        """Ask again for those that this firmware has and that are not being asked for."""
+        for name in names:
+            times = self._waiting[name][0] if name in self._waiting else ASK_TIMES
+            if name in self.answers and times >= ASK_TIMES:
+                self.ask((name,))
+
     def take(self, message: ParamValue) -> bool:
         """Take in a parameter of the autopilot; whether it is one of these."""
         if message.param_id not in self._names:
@@ -126,16 +133,17 @@ class SetupInquiry:
         return asked, notices
 
     def held_back(self) -> str:
-        """Why the module is not to be engaged, by what is known; "" if nothing is.
-
-        What is wrong is asked for again: it may have been corrected meanwhile.
-        """
+        """Why the module is not to be engaged, by what is known; "" if nothing is."""
         refusal, wrong = self._refusal(), self._wrong()
-        self._reading.ask(finding.name for finding in wrong)
         if refusal:
-            self._reading.ask(self._flavour.asked)
             return refusal
         return _summary(wrong) if wrong else ""
+
+    def ask_again(self) -> None:
+        """Somebody was held back: what is wrong may have been corrected meanwhile."""
+        self._reading.ask_again([finding.name for finding in self._wrong()])
+        if self._refusal():
+            self._reading.ask_again(self._flavour.asked)
 
     def _refusal(self) -> str:
         return self._flavour.refusal(self._reading.answers, self._override_system)

@@ -122,6 +122,13 @@ class EngageSwitch:
             return f"the pilot's switch: {silence}"
         return self._engagement.held_back() or self.stations.refusal(now_s) or self._unfit(now_s)
 
+    def request_refusal(self, now_s: float, station: Source | None = None) -> str:
+        """The same to somebody who asks to engage, who may have corrected what is wrong."""
+        refusal = self.refusal(now_s, station)
+        if refusal:
+            self._session.inquiry.ask_again()
+        return refusal
+
     def _unfit(self, now_s: float) -> str:
         """Why what stands is not to be flown with; "" once it flies, or by OP_FORCE."""
         values = self._settings.values
@@ -228,7 +235,7 @@ class EngageSwitch:
         )
         if request == RELEASE and was_low and not self._settings.engage:
             return  # a switch that stays low says nothing new
-        if request == ENGAGE and (refusal := self.refusal(now_s)):
+        if request == ENGAGE and (refusal := self.request_refusal(now_s)):
             text = f"the pilot's switch cannot engage: {refusal}"
             self._outbox.tell(SEVERITY_WARNING, text)
         elif request != NOTHING:

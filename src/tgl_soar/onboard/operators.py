@@ -183,7 +183,7 @@ class Operators:
         engages = message.param_id == "OP_ENGAGE" and message.param_value >= 0.5
         refusal = self._forbidden(source)
         if engages:
-            refusal = refusal or self._engage_switch.refusal(now_s, source)
+            refusal = refusal or self._engage_switch.request_refusal(now_s, source)
         if engages and message.param_value == ENGAGED and not self._settings.engage:
             refusal = refusal or "2 is what a module shows that has engaged: set 1"
         name, value, setup = message.param_id, message.param_value, self._setup
@@ -197,7 +197,7 @@ class Operators:
         if not commands.is_for_us(source, message):
             return
         engages = message.command == ENGAGE
-        held_back = self._engage_switch.refusal(now_s, source) if engages else ""
+        held_back = self._engage_switch.request_refusal(now_s, source) if engages else ""
         answer = commands.handle(
             source,
             message,
