@@ -309,3 +309,32 @@ def test_a_brake_beside_them_is_no_surface_that_is_tried() -> None:
         made.step(100.0)
         made.move_on()
     assert [each.surface for each in made.findings()] == ["elevator", "aileron", "rudder"]
+
+
+@pytest.mark.parametrize(
+    ("turned", "is_moved", "words"),
+    [
+        (1, True, ""),
+        (-1, True, "the right one: output 6 moves the other way than the file says"),
+        (1, False, "the right one: output 6 does not move"),
+    ],
+)
+def test_of_two_ailerons_both_are_compared(turned: int, is_moved: bool, words: str) -> None:
+    right = SurfaceChannel(channel=6, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
+    channels = CHANNELS._replace(brake=BrakeChannel(right, 0.5))
+    made = SurfaceCheck(channels, flavour("ardupilot", "override", channels, 1), 0.5, HOLD_S)
+    now_s, servos = 100.0, [1500] * 16
+    while not made.done:
+        now_s += 0.1
+        for message in made.step(now_s):
+            sent = message.channels  # type: ignore[union-attr]
+            for channel in (surface.channel for surface in channels.driven()):
+                servos[channel - 1] = sent[channel - 1]
+            servos[5] = 1500 + turned * is_moved * (sent[5] - 1500)
+        made.take(ServoOutputRaw(0, 0, tuple(servos)), now_s)
+        if made.held(now_s):
+            made.move_on()
+    faults = {each.surface: each.faults for each in made.findings()}
+    assert faults["elevator"] == faults["rudder"] == ()
+    assert len(faults["aileron"]) == bool(words)
+    assert all(fault.startswith(words) for fault in faults["aileron"])

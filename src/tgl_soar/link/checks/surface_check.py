@@ -15,6 +15,7 @@ the ground.
 
 from __future__ import annotations
 
+from collections.abc import Set
 from math import hypot
 from typing import Final, NamedTuple
 
@@ -227,8 +228,21 @@ class SurfaceCheck:
         found = []
         for name, channel in zip(NAMES, self._channels.driven()[:3], strict=True):
             stops = [stop for stop in self.stops if stop.surface == name]
-            if len(stops) == len(STOPS):
+            if len(stops) != len(STOPS):
+                continue
+            brake = self._channels.brake
+            if name != "aileron" or brake is None or brake.throw == 0.0:
                 found.append(finding(name, channel, stops))
+                continue
+            # Two ailerons, each on a channel of its own: the right one belongs to this stop, too.
+            right = brake.surface
+            left_found = finding(name, channel, stops, {right.channel})
+            theirs = [
+                stop._replace(expected_us=pulse_width(right, stop.deflection)) for stop in stops
+            ]
+            right_found = finding("brake", right, theirs, {channel.channel})
+            faults = tuple(f"the right one: {fault}" for fault in right_found.faults)
+            found.append(left_found._replace(faults=left_found.faults + faults))
         return found
 
     def _command(self) -> SurfaceCommand:
@@ -236,8 +250,16 @@ class SurfaceCheck:
         return SurfaceCommand(*(deflection if name == surface else 0.0 for name in NAMES))
 
 
-def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> SurfaceFinding:
-    """Compare the outputs at neutral, one way, the other way and neutral with the file."""
+def finding(
+    surface: str,
+    channel: SurfaceChannel,
+    stops: list[Stop],
+    along: Set[int] = frozenset(),
+) -> SurfaceFinding:
+    """Compare the outputs at neutral, one way, the other way and neutral with the file.
+
+    `along`: channels that are to move with it.
+    """
     output = channel.channel - 1
     if any(len(stop.servos_us) <= output or stop.servos_us[output] == 0 for stop in stops):
         words = f"output {channel.channel} cannot be read back: no SERVO_OUTPUT_RAW, or not driven"
@@ -274,6 +296,7 @@ def finding(surface: str, channel: SurfaceChannel, stops: list[Stop]) -> Surface
         str(i + 1)
         for i, low in enumerate(stops[2].servos_us)
         if i != output
+        and i + 1 not in along
         and i < len(stops[1].servos_us)
         and abs(stops[1].servos_us[i] - low) >= MOVES_US
     ]
