@@ -139,7 +139,7 @@ def test_a_px4_as_it_comes_is_flown_by_satellites_and_not_asked_to_do_without_th
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
 def test_who_is_sent_poses_is_asked_for_the_same_on_the_ground_as_in_flight(firmware: str) -> None:
     """Poses of a bridge: such a site has no tracker, and satellites must not be asked for too."""
-    bridge = PositionSettings(sources=("vision",), vision_from=(Sender(1, 197),))
+    bridge = PositionSettings(sources=["vision"], vision_from=[Sender(1, 197)])
     forward = Forward(message="vision_position_estimate")
     ground, flying = requirements_of(firmware, replace(SITE, position=bridge, forward=forward))
     assert ground == flying
