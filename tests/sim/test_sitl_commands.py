@@ -3,6 +3,7 @@ and ended; how a leg's line, score and verdict are read."""
 
 from __future__ import annotations
 
+import re
 import sys
 from math import inf, pi
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tgl_soar.config.files import load_site, shipped
+from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.config.site import air_files
 from tgl_soar.sim import sitl
 from tgl_soar.sim.operator import FlownLeg, PlannedLeg
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -143,7 +145,7 @@ def test_the_airframe_file_is_flown_with_the_firmwares_name_and_route(tmp_path: 
         text = path.read_text()
         assert 'firmware = "px4"' in text
         assert ('route = "override"' in text) == (lines == 2)
-        assert path == tmp_path / AIRFRAME.name
+        assert path == tmp_path / "flown" / AIRFRAME.name
     bad = tmp_path / "bad.toml"
     bad.write_text("[autopilot]\n")
     with pytest.raises(SitlError, match=r"bad\.toml: no line firmware = … in \[autopilot\]"):
@@ -152,7 +154,7 @@ def test_the_airframe_file_is_flown_with_the_firmwares_name_and_route(tmp_path: 
 
 def test_a_site_gets_a_place_on_earth_or_forwards_its_poses(tmp_path: Path) -> None:
     path = site_for(options(tmp_path), load_site(SITE))
-    assert path == tmp_path / SITE.name
+    assert path == tmp_path / "flown" / SITE.name
     placed = load_site(path)
     assert placed.position.home is not None
     assert placed.position.home.latitude_deg == 51.99
@@ -162,6 +164,46 @@ def test_a_site_gets_a_place_on_earth_or_forwards_its_poses(tmp_path: Path) -> N
     forwards = site_for(options(tmp_path, site=hall), load_site(hall))
     assert load_site(forwards).forward is not None
     assert site_for(options(tmp_path, site=forwards), load_site(forwards)) == forwards
+
+
+def test_the_users_own_files_stay_as_they_are(tmp_path: Path) -> None:
+    """Also where the flight is to lie in their folder."""
+    airframe, site = tmp_path / "airframe.toml", tmp_path / "site.toml"
+    airframe.write_text(AIRFRAME.read_text())
+    site.write_text(SITE.read_text())
+    before = airframe.read_text(), site.read_text()
+    mine = options(tmp_path, airframe=airframe, site=site, autopilot="px4")
+    assert airframe_for(mine) != airframe
+    assert site_for(mine, load_site(site)) != site
+    assert (airframe.read_text(), site.read_text()) == before
+    flown = tmp_path / "flown" / "airframe.toml"
+    with pytest.raises(SitlError, match="would overwrite; choose another --out"):
+        airframe_for(options(tmp_path, airframe=flown, autopilot="px4"))
+
+
+def test_a_route_of_the_airframe_file_gives_way_to_the_one_that_is_chosen(tmp_path: Path) -> None:
+    airframe = tmp_path / "airframe.toml"
+    text = AIRFRAME.read_text()
+    airframe.write_text(re.sub(r"(?m)^(firmware *=.*)$", r'\1\nroute = "override"', text))
+    for route, flown in ((None, "override"), ("attitude", "attitude")):
+        chosen = options(tmp_path, airframe=airframe, autopilot="ardupilot", route=route)
+        assert load_airframe(airframe_for(chosen)).autopilot.route == flown
+
+
+def test_the_files_of_a_sites_air_are_found_from_its_copy(tmp_path: Path) -> None:
+    site = tmp_path / "my hill.toml"
+    text = shipped("sites/hill.toml").read_text()
+    record = tmp_path / "winds" / "day.csv"
+    for written in ('record = "winds/day.csv"', "record='./winds/day.csv' # of a day"):
+        site.write_text(re.sub(r"(?m)^(radius_m.*)$", rf"\1\n{written}", text))
+        copied = site_for(options(tmp_path / "out", site=site), load_site(site))
+        air = load_site(copied).air
+        assert copied != site
+        assert air is not None
+        assert air_files(air, copied.parent) == [record]
+    site.write_text(re.sub(r"(?m)^(radius_m.*)$", r'\1\nrecord = "d\\u0061y.csv"', text))
+    with pytest.raises(SitlError, match=r"write the name of .*day\.csv as plain text"):
+        site_for(options(tmp_path / "out", site=site), load_site(site))
 
 
 def test_the_truth_of_a_flight_before_is_deleted(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     legs = plan(site, values, options)
     if options.mocap and site.mocap is None:
         raise SitlError(f"{options.site}: no [mocap] table, as sites/tunnel_mocap.toml has it")
-    truth_file = prepared(options)
+    truth_file, folder = prepared(options), options.site.parent
     if options.autopilot != "builtin":
         options = replace(options, airframe=airframe_for(options), site=site_for(options, site))
     begun = time.monotonic()
@@ -133,7 +133,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     truth = _read_truth(truth_file)
     flown = [each for each in operator.flown if not each.leg.surveys]  # it is on no line
     lines = [_line(each.found or each.leg.parameters) for each in flown]
-    field, polar = site_field(site, options.site.parent), airframe.polar.as_polar()
+    field, polar = site_field(site, folder), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
     notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
     flight = SitlFlight(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import socket
@@ -9,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tgl_soar.config.site import PositionSettings, Site
+from tgl_soar.config.site import PositionSettings, Site, air_files
 from tgl_soar.sim.child_process import with_parent
 from tgl_soar.sim.firmware.sensors import SOMEWHERE
 from tgl_soar.sim.injection import OVERRIDE_TIME_S
@@ -26,21 +27,20 @@ def free_address() -> str:
 
 
 def airframe_for(options: SitlOptions) -> Path:
-    """The airframe file as it is flown with a real firmware, in the folder of the flight."""
+    """The airframe file as a real firmware flies it, in the folder `flown` of the flight."""
     text = options.airframe.read_text()
     lines = [f'firmware = "{options.autopilot}"']
     if options.route is not None:
         lines.append(f'route = "{options.route}"')
+        text = re.sub(r"(?m)^route *=.*\n", "", text)
     changed, count = re.subn(r"(?m)^firmware *=.*$", "\n".join(lines), text)
     if count != 1:
         raise SitlError(f"{options.airframe}: no line firmware = … in [autopilot] to replace")
-    path = options.out / options.airframe.name
-    path.write_text(changed)
-    return path
+    return _copy(options, options.airframe, changed)
 
 
 def site_for(options: SitlOptions, site: Site) -> Path:
-    """The site file as it is flown with a real firmware, in the folder of the flight.
+    """The site file as it is flown with a real firmware, in the folder `flown` of the flight.
 
     Where a tracker measures the position it is forwarded to the firmware as well.  Where satellites
     do, the site needs a place on earth: a firmware's local NED begins wherever it was started.
@@ -53,8 +53,38 @@ def site_for(options: SitlOptions, site: Site) -> Path:
         added = f'[position]\nsources = ["global_position"]\nhome = {place}\n'
     else:
         return options.site
-    path = options.out / options.site.name
-    path.write_text(f"{options.site.read_text()}\n{added}")
+    text = _with_whole_paths(options.site.read_text(), site, options.site.parent.resolve())
+    return _copy(options, options.site, f"{text}\n{added}")
+
+
+def _with_whole_paths(text: str, site: Site, folder: Path) -> str:
+    """A site file of a folder that names the files of its air from anywhere.
+
+    Errors: `SitlError` where one is written in another way than in quotes, as with escapes.
+    """
+    files = [] if site.air is None else air_files(site.air, folder)
+    missing = set(files)
+
+    def whole(found: re.Match[str]) -> str:
+        path = folder / found[4]
+        if path not in files:
+            return found[0]
+        missing.discard(path)
+        return f"{found[1]}{found[2]}{json.dumps(str(path), ensure_ascii=False)}"
+
+    changed = re.sub(r"""\b(file|record)( *= *)(["'])(.*?)\3""", whole, text)
+    if missing:
+        raise SitlError(f"the site's [air]: write the name of {min(missing)} as plain text")
+    return changed
+
+
+def _copy(options: SitlOptions, source: Path, text: str) -> Path:
+    """A file as it is flown, beside nothing of the user's.  Errors: `SitlError`, OSError."""
+    path = options.out / "flown" / source.name
+    if path.resolve() == source.resolve():
+        raise SitlError(f"{source}: this is what the flight would overwrite; choose another --out")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
     return path
 
 
