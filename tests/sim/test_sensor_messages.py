@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, inf, nan, pi, radians, sin, sqrt
+from math import cos, inf, isnan, nan, pi, radians, sin, sqrt
 
 import numpy as np
 import pytest
@@ -191,6 +191,25 @@ def test_a_global_position_is_in_its_messages_units() -> None:
 def test_a_heading_is_within_one_turn(yaw: float, shown: int) -> None:
     assert global_position(FIX, HOME, 0, yaw).hdg == shown
     assert global_position(FIX, None, 0, yaw).hdg == shown
+
+
+def test_what_is_not_a_number_is_shown_as_not_known() -> None:
+    """A filter that has diverged still fills its messages."""
+    assert global_position(FIX, HOME, 0, nan).hdg == 65_535
+    for wrong in ((nan, nan, nan), (nan, 0.0, -5.0), (0.0, nan, -5.0), (0.0, inf, -5.0)):
+        fix = position_fix(1, 0.0, wrong, (nan, nan, nan))
+        for home in (HOME, None):
+            lost = global_position(fix, home, 0, 0.0)
+            assert (lost.lat, lost.lon, lost.alt) == (0, 0, 0)
+            assert lost.relative_alt == (0 if wrong[2] != wrong[2] else 5_000)
+        assert gps_raw_int(fix, HOME, 0, (0.8, 1.2)).fix_type == mavlink.GPS_FIX_TYPE_NO_FIX
+
+
+def test_above_the_standard_atmosphere_there_is_no_air() -> None:
+    assert density_ratio(44_000.0) > 0.0
+    for height_m in (44_400.0, 100_000.0):
+        assert density_ratio(height_m) == 0.0
+    assert isnan(density_ratio(nan))
 
 
 def test_speeds_end_where_the_message_does() -> None:

@@ -38,6 +38,7 @@ BAROMETER: Final = (
 _EQUATOR_M: Final = 6_378_137.0
 _E2: Final = 6.694379990141e-3
 _INT16: Final = 32767
+HEADING_UNKNOWN: Final = 65535
 
 
 def thousandths(values: tuple[float, ...], unit: float = 1.0) -> list[int]:
@@ -120,7 +121,7 @@ def gps_raw_int(
 
     accuracy_m: what the receiver reports, horizontally and in height; dilutions are not known.
     """
-    if home is None or fix.down_m != fix.down_m:
+    if home is None or not _is_place(fix):
         return mavlink.MAVLink_gps_raw_int_message(
             time_usec=time_us,
             fix_type=mavlink.GPS_FIX_TYPE_NO_FIX,
@@ -152,8 +153,8 @@ def gps_raw_int(
 
 
 def density_ratio(height_m: float) -> float:
-    """Of the standard atmosphere, to sea level."""
-    return float((1.0 - 2.25577e-5 * height_m) ** 4.2559)
+    """Of the standard atmosphere, to sea level; 0 above 44 km, where its formula ends."""
+    return float(max(1.0 - 2.25577e-5 * height_m, 0.0) ** 4.2559)
 
 
 class ShownAirspeed:
@@ -171,12 +172,16 @@ class ShownAirspeed:
 
 
 def global_position(fix: PositionFix, home: HomePosition | None, time_ms: int, yaw: float) -> Any:
-    """GLOBAL_POSITION_INT of a place near a home; latitude and longitude are zero without one."""
+    """GLOBAL_POSITION_INT of a place near a home; latitude and longitude are zero without one.
+
+    A fix without numbers is all zero; the heading of a yaw [rad] without a number is not known.
+    """
     velocity = [round(max(-327.0, min(327.0, v)) * 100.0) if v == v else 0 for v in fix[5:8]]
-    heading = round(degrees(yaw) % 360.0 * 100.0) % 36000
-    if home is None:
+    heading = round(degrees(yaw) % 360.0 * 100.0) % 36000 if isfinite(yaw) else HEADING_UNKNOWN
+    if home is None or not _is_place(fix):
+        above_mm = round(-1e3 * fix.down_m) if isfinite(fix.down_m) else 0
         return mavlink.MAVLink_global_position_int_message(
-            time_ms, 0, 0, 0, round(-1e3 * fix.down_m), *velocity, heading
+            time_ms, 0, 0, 0, above_mm, *velocity, heading
         )
     latitude_deg, longitude_deg, height_m = geodetic(home, fix.north_m, fix.east_m, fix.down_m)
     return mavlink.MAVLink_global_position_int_message(
@@ -188,6 +193,10 @@ def global_position(fix: PositionFix, home: HomePosition | None, time_ms: int, y
         *velocity,
         heading,
     )
+
+
+def _is_place(fix: PositionFix) -> bool:
+    return isfinite(fix.north_m) and isfinite(fix.east_m) and isfinite(fix.down_m)
 
 
 def geodetic(

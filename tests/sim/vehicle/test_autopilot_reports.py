@@ -70,6 +70,20 @@ def built(name: str, sensed: Sensed = SEEN, **keys: Any) -> Any:
     return message
 
 
+def test_every_message_can_be_built_of_what_is_not_a_number() -> None:
+    """As under the faults `attitude.nan` and `position.nan`."""
+    lost = SEEN._replace(
+        attitude=SEEN.attitude._replace(qw=nan, qx=nan, qy=nan, qz=nan),
+        position=position_fix(3, 0.98, (nan, nan, nan), (nan, nan, nan)),
+    )
+    made = reports(lost)
+    link = mavlink.MAVLink(None, 1, 1)
+    for message_id in made.streamable:
+        made.build(message_id).pack(link)
+    assert built("VFR_HUD", lost).heading == 0
+    assert built("GLOBAL_POSITION_INT", lost).hdg == 65_535
+
+
 # --- which there are -----------------------------------------------------------------------------
 
 
@@ -224,7 +238,8 @@ def test_odometry_takes_the_attitude_nearest_to_its_position() -> None:
         expected = pytest.approx([cos(half), 0.0, 0.0, sin(half)])
         assert made.build(number("ODOMETRY")).q == expected  # type: ignore[union-attr]
     made.forget()  # and then it has the latest alone
-    made.take(made.sensed._replace(position=SEEN.position._replace(time_s=0.9)))
+    at = SEEN.position._replace(time_s=0.9)
+    made.take(SEEN._replace(attitude=yawed, position=at))
     q = made.build(number("ODOMETRY")).q  # type: ignore[union-attr]
     assert q == pytest.approx([cos(0.45), 0.0, 0.0, sin(0.45)])
 

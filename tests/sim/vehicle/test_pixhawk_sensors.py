@@ -199,9 +199,9 @@ def test_the_hill_has_a_latitude() -> None:
 # --- a pose from a companion ------------------------------------------------------------------
 
 
-def vision(x: float = 1.0, roll: float = 0.0) -> Any:
+def vision(x: float = 1.0, roll: float = 0.0, z: float = -3.0) -> Any:
     return mavlink.MAVLink_vision_position_estimate_message(
-        5_000_000, x, 2.0, -3.0, roll, 0.0, radians(90.0), [0.0] * 21
+        5_000_000, x, 2.0, z, roll, 0.0, radians(90.0), [0.0] * 21
     )
 
 
@@ -223,6 +223,60 @@ def test_a_pose_becomes_its_position_only_where_it_is_told_to_take_it() -> None:
         wire.wants(32, 50.0)
         wire.says(vision())
         assert position_of(wire)[0] == pytest.approx(north_m, abs=0.01)
+
+
+def test_a_pose_from_beyond_the_air_is_taken_and_nothing_is_raised() -> None:
+    wire = Wire(parameters={"VISO_TYPE": 1.0})
+    wire.wants(105, 50.0)
+    wire.says(vision(z=-5e4))
+    assert named(wire.runs(40), "HIGHRES_IMU")[-1].abs_pressure == 0.0
+
+
+def late(step: int, *, by: int = 20) -> Sensed:
+    """What is measured `by` steps before it is there."""
+    now = sensed(step)
+    time_s = (step - 1 - by) / STEP_HZ
+    return now._replace(
+        position=now.position._replace(time_s=time_s),
+        imu=now.imu._replace(time_s=time_s),
+        pitot=now.pitot._replace(time_s=time_s),
+        rangefinder=RangeSample(step, time_s, 3.0),
+    )
+
+
+STAMPED = {"LOCAL_POSITION_NED": 32, "GPS_RAW_INT": 24, "ODOMETRY": 331, "HIGHRES_IMU": 105,
+           "SCALED_IMU": 26, "DISTANCE_SENSOR": 132}  # fmt: skip
+
+
+def test_after_a_boot_nothing_is_told_that_was_measured_before() -> None:
+    wire = Wire(allow_odometry=True, parameters={"VISO_TYPE": 1.0})
+    pixhawk = wire.pixhawk
+    wire.says(vision())
+    for step in range(1, 400):
+        pixhawk.step(late(step))
+    pixhawk.shut_down()
+    pixhawk.step(late(400))
+    pixhawk.boot()
+    assert not pixhawk.external.is_in_use()
+    pixhawk.take_datagrams()
+    told: dict[str, list[float]] = {name: [] for name in STAMPED}
+    for step in range(401, 451):
+        for number in STAMPED.values():
+            wire.says(mavlink.MAVLink_command_long_message(1, 1, 512, 0, number, *[0] * 6))
+        pixhawk.step(late(step))
+        for _, data in pixhawk.take_datagrams():
+            for m in wire.reader.parse_buffer(data) or []:
+                if m.get_type() in told:
+                    stamp = m.to_dict()
+                    told[m.get_type()].append(
+                        stamp["time_boot_ms"]
+                        if "time_boot_ms" in stamp
+                        else stamp["time_usec"] / 1e3
+                    )
+    for name, stamps in told.items():
+        assert 25 <= len(stamps) <= 31, name  # 20 steps must go by, and one to the next request
+        assert all(0.0 <= stamp <= 150.0 for stamp in stamps), name
+        assert stamps == sorted(stamps)
 
 
 def test_the_position_stops_when_poses_stop() -> None:

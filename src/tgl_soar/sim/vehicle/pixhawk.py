@@ -36,7 +36,7 @@ from tgl_soar.sim.vehicle.modes import FBWA, MANUAL, MODE_NAMES, FlightStatus
 from tgl_soar.sim.vehicle.onlooker_events import OnlookerEvents
 from tgl_soar.sim.vehicle.parameter_service import ParameterService
 from tgl_soar.sim.vehicle.reports import VehicleReports
-from tgl_soar.sim.vehicle.sensed import GROUNDED, Sensed
+from tgl_soar.sim.vehicle.sensed import GROUNDED, Sensed, known_since
 from tgl_soar.sim.vehicle.surface_outputs import SurfaceOutputs
 from tgl_soar.sim.vehicle.vehicle_clock import VehicleClock
 from tgl_soar.sim.vehicle.vehicle_links import COMPONENT, VehicleLink, VehicleLinks
@@ -81,6 +81,7 @@ class Pixhawk:
         self.pilot_sticks: SurfaceCommand | None = None  # None: no receiver
         self.external = ExternalPose()
         self._clock = VehicleClock(step_hz, uptime_s)
+        self._booted_s = float("-inf")  # of the simulated time
         self._status = FlightStatus(armed=armed)
         self.outputs = SurfaceOutputs(
             surfaces, self.parameters, LevelFlight(trim_pitch_rad), step_hz
@@ -266,6 +267,8 @@ class Pixhawk:
         """Start without memory: the clock from zero, the mode of the pilot's switch."""
         self.running = True
         self._clock.restart()
+        self._booted_s = self._clock.time_s
+        self.external = ExternalPose()
         self._reports.forget()
         for link in self.links:
             self.streams.begin(link)
@@ -274,11 +277,7 @@ class Pixhawk:
 
     def _aided(self, sensed: Sensed) -> Sensed:
         """What is sensed, with a companion's poses in the place of the position."""
-        # Before the first sample there are numbers to show, but none that is streamed.
-        if sensed.attitude.sequence == 0:
-            sensed = sensed._replace(attitude=GROUNDED.attitude)
-        if sensed.position.sequence == 0:
-            sensed = sensed._replace(position=GROUNDED.position)
+        sensed = known_since(sensed, self._booted_s)
         if not self.external.is_in_use():
             return sensed
         delay_s = 1e-3 * self.parameters["VISO_DELAY_MS"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from math import degrees, inf, nan, pi
+from math import degrees, inf, isfinite, nan, pi
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -99,6 +99,7 @@ class VehicleReports:
     def forget(self) -> None:
         """The autopilot starts without memory."""
         self._attitudes.clear()
+        self.sensed = GROUNDED._replace(flying=self.sensed.flying)
 
     def build(self, message_id: int) -> Any | None:
         """A message as it would go out now; None where there is none, or no sample for it."""
@@ -254,7 +255,7 @@ class VehicleReports:
         return mavlink.MAVLink_vfr_hud_message(
             self._shown.equivalent_mps if shown else self.sensed.airspeed_mps,
             (north * north + east * east) ** 0.5,
-            round(degrees(yaw % (2.0 * pi))) % 360,
+            round(degrees(yaw % (2.0 * pi))) % 360 if isfinite(yaw) else 0,
             0,
             self._height_m,
             -down,

@@ -53,3 +53,16 @@ GROUNDED: Final = Sensed(
     airspeed_mps=0.0,
     flying=False,
 )
+_MEASURED: Final = ("attitude", "position", "imu", "pitot", "rangefinder")
+
+
+def known_since(sensed: Sensed, booted_s: float) -> Sensed:
+    """What an autopilot that booted at a time [s] knows of it: nothing that was measured before.
+
+    Until its first sample there are numbers to show, but none that is streamed.
+    """
+    for name in _MEASURED:
+        sample = getattr(sensed, name)
+        if sample.sequence == 0 or sample.time_s < booted_s:
+            sensed = sensed._replace(**{name: getattr(GROUNDED, name)})
+    return sensed
