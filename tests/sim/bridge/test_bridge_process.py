@@ -106,7 +106,7 @@ def test_a_companion_that_dies_does_not_hang_the_bridge_and_may_return(
     with Console(command) as console:
         wait_for(lambda: len(companion.script.attitudes) > 20)
         companion.deaf = True
-        console.wait_for("silent for 0.3 s")
+        console.wait_for("has not answered for 0.3 s")
         console.wait_for("overrides timed out after 0.5 s")
         companion.deaf = False
         console.wait_for("is back")

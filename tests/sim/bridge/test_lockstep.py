@@ -33,6 +33,7 @@ class Bridge:
     def __init__(self, companions: int) -> None:
         self.ports = Ports(companions)
         self.beats = dict.fromkeys(self.ports.peers, 0)  # heartbeats received of each
+        self.answer = -1  # of everybody
         self.reports: list[str] = []
         self.motive = None
         self.is_disturbed = False
@@ -51,8 +52,7 @@ class Bridge:
         return not self.ports.peers[link].port.ground
 
     def timesync_answer_ns(self, _link: int) -> int:
-        """Nobody answers."""
-        return -1
+        return self.answer
 
     def take_one(self, _port: object) -> bool:
         return False
@@ -77,10 +77,13 @@ def bridge() -> Bridge:
     return made
 
 
-def test_who_sends_again_is_waited_for_again(bridge: Bridge) -> None:
+def test_who_answers_again_is_waited_for_again(bridge: Bridge) -> None:
     bridge.lockstep.readmit()
     assert bridge.lockstep.is_somebody_missing  # nothing has come since
     bridge.ports.peers[0].datagrams = 8
+    bridge.lockstep.readmit()
+    assert bridge.lockstep.is_somebody_missing  # it may be somebody else at its port
+    bridge.answer = 1
     bridge.lockstep.readmit()
     assert not bridge.lockstep.is_somebody_missing
     assert bridge.reports[-1] == "the companion at 127.0.0.1:0 is back"

@@ -41,6 +41,7 @@ class World:
         self.reports: list[str] = []
         self.waited: list[tuple[float, tuple[Any, ...]]] = []
         self.mail = 0  # datagrams that wait to be taken
+        self.chatter = False  # something else comes all the time
         self.stopping = False
         self.motive: Any = None
         self.is_disturbed = False
@@ -69,7 +70,7 @@ class World:
         self.waited.append((seconds, ports))
         self.now_s += seconds
         self.waits += 1
-        return False
+        return self.chatter
 
     # What the traffic does.
 
@@ -77,6 +78,9 @@ class World:
         return link not in (STATION, SECOND)
 
     def take_one(self, _port: Any) -> bool:
+        if self.chatter:
+            self.now_s += 0.01
+            return True
         self.mail -= 1
         return self.mail >= 0
 
@@ -199,12 +203,24 @@ def test_who_is_silent_for_longer_than_the_patience_is_given_up_and_named(
     assert len(world.waited) == 4
     assert world.lockstep.is_somebody_missing
     assert world.reports == [
-        "the companion at 127.0.0.1:10 has been silent for 0.35 s:"
+        "the companion at 127.0.0.1:10 has not answered for 0.35 s:"
         " going on at natural pace without it"
     ]
     world.asked.clear()
     world.lockstep.meet_companions()  # nobody is asked any more
     assert world.asked == []
+
+
+def test_who_talks_and_does_not_answer_is_asked_again_and_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Another program at its port, that beats faster than the bridge waits."""
+    world = gathered(monkeypatch, MODULE, patience_s=2.5)
+    world.answers, world.chatter = {MODULE: 1000}, True
+    world.lockstep.meet_companions()
+    assert world.asked == [(MODULE, 3_500_000_000)] * 3
+    assert world.lockstep.is_somebody_missing
+    assert world.now_s < 103.0
 
 
 def test_who_answers_within_the_patience_is_not_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -361,20 +377,36 @@ def missing(patched: pytest.MonkeyPatch, *links: int, lost: int) -> World:
     world.answers = {lost: 10_000}
     world.lockstep.meet_companions()
     world.lockstep.meet_stations()
-    world.answers = {}
-    for seen in (world.asked, world.reports):
+    for seen in (world.asked, world.reports, world.flushed):
         seen.clear()
     assert world.lockstep.is_somebody_missing
     return world
 
 
-def test_one_that_sends_again_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_sends_again_is_asked_and_waited_for_once_it_answers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     world = missing(monkeypatch, MODULE, STATION, lost=STATION)
     world.lockstep.readmit()
     assert world.lockstep.is_somebody_missing
+    assert world.asked == []  # it is silent
     world.peers[STATION].datagrams = 8
+    for _ in range(2):
+        world.lockstep.readmit()
+        assert world.asked == [(STATION, 3_500_000_000)]  # once a second
+        assert world.flushed == [([STATION], False)]
+    assert world.lockstep.is_somebody_missing
+    world.now_s += 1.01
+    world.lockstep.readmit()
+    assert len(world.asked) == 1  # nothing has come since
+    world.peers[STATION].datagrams = 9
+    world.lockstep.readmit()
+    assert len(world.asked) == 2
+    assert world.reports == []
+    world.answers = {}
     world.lockstep.readmit()
     assert world.reports == ["the ground station at 127.0.0.1:30 is back"]
+    world.asked.clear()
     world.lockstep.meet_stations()
     assert [link for link, _ in world.asked] == [STATION]
     world.lockstep.readmit()

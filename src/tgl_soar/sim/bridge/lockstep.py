@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -22,6 +22,14 @@ class BridgeError(RuntimeError):
     """The bridge cannot run; the message says why and what to do."""
 
 
+class _Missed(NamedTuple):
+    """One that was given up."""
+
+    datagrams: int  # from it until it was given up, or asked again
+    answer_ns: int  # its last
+    asked_s: float  # again, by the clock on the wall
+
+
 class Lockstep:
     """The participants, and the barrier at which they meet."""
 
@@ -32,12 +40,12 @@ class Lockstep:
         self._pace = pace
         self._is_stopping = is_stopping
         self._waited_for: dict[LinkId, Peer] = {}
-        self._missed: dict[LinkId, int] = {}  # datagrams from it when it was given up
+        self._missed: dict[LinkId, _Missed] = {}
         traffic.when_forgotten = self._forget
 
     @property
     def is_somebody_missing(self) -> bool:
-        """Whether a participant was given up and has not sent since."""
+        """Whether a participant was given up and has not answered since."""
         return bool(self._missed)
 
     def meet_companions(self) -> None:
@@ -84,12 +92,11 @@ class Lockstep:
         self.meet_stations()
 
     def readmit(self) -> None:
-        """Wait again for those who send again, and for a companion that has taken over."""
+        """Wait again for those who answer again, and for a companion that has taken over."""
         for peer in list(self._ports.peers.values()):
-            is_back = peer.datagrams > self._missed.get(peer.link, peer.datagrams)
             successor = not peer.port.ground and self._pixhawk.heartbeats(peer.link) > 0
             if peer.link in self._missed:
-                if is_back:
+                if self._has_answered(peer):
                     del self._missed[peer.link]
                     self._waited_for[peer.link] = peer
                     self._traffic.report(f"{name_of(peer)} is back")
@@ -101,7 +108,7 @@ class Lockstep:
 
     def _barrier(self, links: list[LinkId]) -> None:
         """Ask each whether it is through with this step, and take all that comes until then."""
-        stamp = BARRIER_OFFSET_NS + round(self._traffic.simulation.time_s * 1e9)
+        stamp = self._stamp()
         if self._traffic.is_disturbed:
             self._traffic.flush()  # so that the question below goes alone, past all faults
         for link in links:
@@ -119,24 +126,42 @@ class Lockstep:
             return
         begun = repeated = time.monotonic()
         while self._pixhawk.timesync_answer_ns(link) != stamp and not self._is_stopping():
-            if self._traffic.take_one(peer.port):
-                continue
-            if self._ports.wait(0.1, peer.port):
-                continue
+            if not self._traffic.take_one(peer.port):
+                self._ports.wait(0.1, peer.port)
+            # Also where something has come: others on this port may never be silent.
             now = time.monotonic()
             if now - begun > self._pace.patience_s:
                 self._give_up(peer)
                 return
             if now - repeated > REPEAT_S:
                 repeated = now
-                self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
-                self._traffic.flush([link], corrupted=False)
+                self._ask_again(link, stamp)
+
+    def _ask_again(self, link: LinkId, stamp: int) -> None:
+        self._pixhawk.send(link, mavlink.MAVLink_timesync_message(0, stamp))
+        self._traffic.flush([link], corrupted=False)
+
+    def _has_answered(self, peer: Peer) -> bool:
+        """Whether one that was given up has answered since; who sends again is asked again."""
+        link, missed = peer.link, self._missed[peer.link]
+        if self._pixhawk.timesync_answer_ns(link) != missed.answer_ns:
+            return True
+        now = time.monotonic()
+        if peer.datagrams > missed.datagrams and now - missed.asked_s > REPEAT_S:
+            self._missed[link] = _Missed(peer.datagrams, missed.answer_ns, now)
+            self._ask_again(link, self._stamp())
+        return False
+
+    def _stamp(self) -> int:
+        """Of the questions that are asked after this step [ns]."""
+        return BARRIER_OFFSET_NS + round(self._traffic.simulation.time_s * 1e9)
 
     def _give_up(self, peer: Peer) -> None:
         self._waited_for.pop(peer.link, None)
-        self._missed[peer.link] = peer.datagrams
+        answer_ns = self._pixhawk.timesync_answer_ns(peer.link)
+        self._missed[peer.link] = _Missed(peer.datagrams, answer_ns, float("-inf"))
         self._traffic.report(
-            f"{name_of(peer)} has been silent for {self._pace.patience_s:g} s:"
+            f"{name_of(peer)} has not answered for {self._pace.patience_s:g} s:"
             " going on at natural pace without it"
         )
 
