@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import radians
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,9 +24,12 @@ from tgl_soar.config.site import Site
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import euler_from_quaternion, quaternion_from_euler
 from tgl_soar.sim.closed_loop import Change, ClosedLoop, Trajectory, fly
+from tgl_soar.sim.faults import parse_faults
+from tgl_soar.sim.injection import Injection
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sensors import AUTOPILOT_POSITION
 from tgl_soar.sim.world import build_field, make_world
+from tgl_soar.types import SurfaceCommand
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
@@ -37,6 +41,27 @@ def tunnel() -> tuple[Airframe, Site, ParameterSet, WindField]:
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     assert site.air is not None
     return airframe, site, load_parameters(airframe, AIRFRAME, site, SITE), build_field(site.air)
+
+
+@pytest.mark.parametrize(("faults", "throttle"), [((), 1.0), (("link.up start=0 for=9",), 0.0)])
+def test_a_propeller_turns_as_the_autopilot_lets_it(
+    monkeypatch: pytest.MonkeyPatch, faults: tuple[str, ...], throttle: float
+) -> None:
+    _, site, _, field = tunnel()
+    propeller = shipped("airframes/eclipson_c_propeller.toml")
+    airframe = load_airframe(propeller)
+    world = make_world(airframe, site, field=field)
+    values = load_parameters(airframe, propeller, site, SITE)
+    loop = ClosedLoop(world, values, Injection(parse_faults(faults)))
+    output = SimpleNamespace(
+        active=True,
+        command=SurfaceCommand(0.5, 0.0, 0.0),
+        throttle=SimpleNamespace(fraction=1.0),
+    )
+    monkeypatch.setattr(loop, "_decide", lambda _inputs: output)
+    for _ in range(20):
+        loop.tick()
+    assert world.throttle == throttle
 
 
 def fly_legs(

@@ -508,6 +508,32 @@ def test_a_reboot_forgets_the_command_and_counts() -> None:
     assert link.surfaces(2.1, command) == command
 
 
+@pytest.mark.parametrize(
+    "fault",
+    ["link.up start=1 for=9", "pilot.takes start=1 for=9", "autopilot.reboot start=1 for=9"],
+)
+def test_the_throttle_takes_the_way_of_the_surfaces(fault: str) -> None:
+    link = direct(fault)
+    command = SurfaceCommand(0.5, 0.0, 0.0, 0.0)
+    assert link.throttle == 0.0
+    link.surfaces(0.0, command, 0.75)
+    assert link.throttle == 0.75
+    for now in (1.0, 1.7):
+        link.surfaces(now, command, 1.0)
+    assert link.throttle == 0.0
+
+
+def test_a_late_throttle_stands_until_it_comes_and_with_its_command() -> None:
+    link = direct("link.delay start=0 for=9 by=0.2")
+    command = SurfaceCommand(0.5, 0.0, 0.0, 0.0)
+    link.surfaces(0.0, command, 0.75)
+    assert link.throttle == 0.0
+    link.surfaces(0.2, None)
+    assert link.throttle == 0.75
+    link.surfaces(0.71, None)  # nobody has repeated it
+    assert link.throttle == 0.0
+
+
 def test_what_is_read_back_is_what_was_commanded() -> None:
     link = direct()
     command = SurfaceCommand(0.5, 0.25, -0.5, 0.125)

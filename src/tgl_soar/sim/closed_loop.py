@@ -96,11 +96,13 @@ class ClosedLoop:
         if output.active:
             self._command = output.command
             world.held = False
-        acting = self._command
+        acting, throttle = self._command, output.throttle.fraction
         if self._link is not None and self._injection is not None:
-            acting = self._link.surfaces(now, output.command if output.active else None)
+            sent = output.command if output.active else None
+            acting = self._link.surfaces(now, sent, throttle)
+            throttle = self._link.throttle
             acting = self._injection.surfaces(now, acting, self._dt_s)
-        world.throttle = output.throttle.fraction
+        world.throttle = throttle
         world.step(acting)
         return output
 

@@ -350,8 +350,8 @@ class DirectLink:
     """Autopilot and link where module and world are one process.
 
     The autopilot beats once a second and when its mode changes; it releases overrides that
-    were not repeated for `OVERRIDE_TIME_S`, and holds the surfaces at their trims when nobody
-    has them.
+    were not repeated for `OVERRIDE_TIME_S`, and holds the surfaces at their trims and the
+    throttle closed when nobody has them.
     """
 
     def __init__(self, injection: Injection, trim: SurfaceCommand) -> None:
@@ -368,13 +368,14 @@ class DirectLink:
         }
         self._heartbeats: FaultChannel[AutopilotStatus] = FaultChannel(down, f"{seed}/heartbeats")
         up = [*injection.of_link("up"), *reboots]
-        self._up: FaultChannel[SurfaceCommand] = FaultChannel(up, f"{seed}/commands")
+        self._up: FaultChannel[tuple[SurfaceCommand, float]] = FaultChannel(up, f"{seed}/commands")
         self._reboots = reboots
         self._takes = injection.named("pilot.takes")
         self._status: AutopilotStatus | None = None
         self._received = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
         self._beaten_s = float("-inf")
         self._command = trim
+        self.throttle = 0.0  # what the motor is commanded, 0 … 1
         self._commanded_s = float("-inf")
         self._overridden = False
         self._obeys = True
@@ -397,12 +398,18 @@ class DirectLink:
             self._received = status._replace(time_s=now)
         return inputs._replace(autopilot=self._received, **measured)
 
-    def surfaces(self, now_s: float, command: SurfaceCommand | None) -> SurfaceCommand:
-        """What the servos are commanded, of a command that the module sends; None: none."""
+    def surfaces(
+        self, now_s: float, command: SurfaceCommand | None, throttle: float = 0.0
+    ) -> SurfaceCommand:
+        """What the servos are commanded, of a command that the module sends; None: none.
+
+        throttle: 0 … 1, sent with the command; what becomes of it is `self.throttle`.
+        """
         if command is not None:
-            self._up.send(now_s, command)
+            self._up.send(now_s, (command, throttle))
         for arrived in self._up.arrived(now_s):
-            self._command, self._commanded_s, self._overridden = arrived, now_s, True
+            self._command, self.throttle = arrived
+            self._commanded_s, self._overridden = now_s, True
         if self._overridden and now_s - self._commanded_s >= OVERRIDE_TIME_S:
             self._overridden = self._obeys = False  # it falls into a mode of its own
         for fault in self._reboots:
@@ -410,7 +417,7 @@ class DirectLink:
                 self._overridden = False
         taken = any(fault.acts(now_s) for fault in self._takes)
         if taken or not (self._overridden and self._obeys):
-            self._command = self._trim
+            self._command, self.throttle = self._trim, 0.0
         return self._command
 
     def _beat(self, now_s: float, status: AutopilotStatus) -> None:
