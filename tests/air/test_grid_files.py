@@ -179,6 +179,33 @@ def test_exact_zeros_must_be_explained(tmp_path: Path) -> None:
     assert solid.reference_wind_mps > still_air.reference_wind_mps  # the mean over air alone
 
 
+@pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 0.99])
+def test_a_part_of_an_npz_file_is_refused_by_name(tmp_path: Path, kept: float) -> None:
+    u, _, w = _nodes()
+    path = tmp_path / "part.npz"
+    np.savez_compressed(path, x=X, z=Z, u=u, w=w)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(kept * len(whole))])
+    with pytest.raises(GridError, match=r"part\.npz: not an \.npz file of numbers"):
+        read_grid(path)
+
+
+def test_an_npz_file_with_wrong_bytes_and_a_single_array_are_refused(tmp_path: Path) -> None:
+    u, _, w = _nodes()
+    path = tmp_path / "odd.npz"
+    np.savez_compressed(path, x=X, z=Z, u=u, w=w)
+    odd = bytearray(path.read_bytes())
+    for at in range(len(odd) // 3, len(odd) // 2, 7):
+        odd[at] ^= 0xFF
+    path.write_bytes(odd)
+    with pytest.raises(GridError, match=r"odd\.npz: not an \.npz file of numbers"):
+        read_grid(path)
+    with path.open("wb") as file:
+        np.save(file, u)
+    with pytest.raises(GridError, match=r"odd\.npz: not an \.npz file of numbers"):
+        read_grid(path)
+
+
 def test_npz_round_trip_in_two_and_three_dimensions(tmp_path: Path) -> None:
     u, v, w = _nodes()
     plane = GridField(X, None, Z, u, None, w, reference_wind_mps=9.0)

@@ -15,10 +15,12 @@ be under others.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,7 +183,7 @@ def _read_npz(path: Path, layout: Layout) -> _Raw:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, EOFError, TypeError, BadZipFile, zlib.error) as error:
         raise GridError(f"{path}: not an .npz file of numbers: {error}") from None
     axes = tuple(
         _axis_of(path, name, _named(path, arrays, name, "array"))
