@@ -221,6 +221,14 @@ def test_the_simulated_pixhawk_takes_parameters_at_the_start_only(
     assert given("--autopilot-parameter", "B=2@0").simulation.parameters == (("B", 2.0),)
 
 
+@pytest.mark.parametrize("text", ["A=nan", "A=inf", "A=3@-1", "A=3@nan", "A=3@inf"])
+def test_a_setting_that_would_never_be_made_is_refused(
+    capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    error = refused(capsys, "--autopilot", "px4", "--autopilot-parameter", text)
+    assert f"{text!r}: NUMBER must be finite, and SECONDS finite and not negative" in error
+
+
 @pytest.mark.parametrize("text", ["A", "A=", "A=x", "A=1@x", "A=1@2@3"])
 def test_what_is_no_setting_is_refused_with_an_example(
     capsys: pytest.CaptureFixture[str], text: str

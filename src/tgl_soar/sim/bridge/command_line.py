@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -110,11 +111,16 @@ def _setting(text: str) -> TimedSetting:
     name, _, rest = text.partition("=")
     value, _, at = rest.partition("@")
     try:
-        return TimedSetting(name.strip(), float(value), float(at or 0.0))
+        setting = TimedSetting(name.strip(), float(value), float(at or 0.0))
     except ValueError:
         raise argparse.ArgumentTypeError(
             f"{text!r}: write NAME=NUMBER, such as SYSID_MYGCS=255, or NAME=NUMBER@SECONDS"
         ) from None
+    if not (isfinite(setting.value) and 0.0 <= setting.at_s < inf):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: NUMBER must be finite, and SECONDS finite and not negative"
+        )
+    return setting
 
 
 def _fault(text: str) -> Fault:
