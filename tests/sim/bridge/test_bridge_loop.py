@@ -374,6 +374,8 @@ def test_a_flight_that_is_over_ends_with_0_and_its_summary(
         (FirmwareError("no program"), "no program"),
         (ValueError("no rate"), "no rate"),
         (OSError(28, "No space left on device"), "--log x.csv: No space left on device"),
+        (OSError(20, "Not a directory", "x.csv"), "--log x.csv: Not a directory"),
+        (OSError(2, "No such file or directory", "y"), "y: No such file or directory"),
     ],
 )
 def test_a_wrong_set_up_ends_with_2(
@@ -383,6 +385,26 @@ def test_a_wrong_set_up_ends_with_2(
     assert process.main(WORDS) == 2
     assert capsys.readouterr() == ("", f"sitl_bridge: {said}\n")
     assert program.did == []
+
+
+@pytest.mark.parametrize(
+    ("at", "named"),
+    [
+        ("/a/fw", "--firmware-folder /a/fw"),
+        ("/a/fw/px4.log", "--firmware-folder /a/fw"),
+        ("/a", "--firmware-folder /a/fw"),
+        ("/b/c.tlog", "--record /b/c.tlog"),
+        ("/b", "--record /b/c.tlog"),
+        ("/elsewhere", "/elsewhere"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_named_with_its_option(
+    program: Program, capsys: pytest.CaptureFixture[str], at: str, named: str
+) -> None:
+    program.opens = OSError(13, "Permission denied", at)
+    words = ["--autopilot", "px4", "--firmware-folder", "/a/fw", "--record", "/b/c.tlog"]
+    assert process.main([*WORDS[: WORDS.index("--log")], *words]) == 2
+    assert capsys.readouterr().err == f"sitl_bridge: {named}: Permission denied\n"
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,13 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from tgl_soar.config.files import ConfigError
 from tgl_soar.sim.bridge.bridge import Bridge
 from tgl_soar.sim.bridge.command_line import parsed
 from tgl_soar.sim.bridge.lockstep import BridgeError
+from tgl_soar.sim.bridge.options import BridgeOptions
 from tgl_soar.sim.faults import catalogue_text
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.ports import PortError
@@ -30,8 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"sitl_bridge: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        log = options.simulation.log
-        print(f"sitl_bridge: --log {log}: {error.strerror}", file=sys.stderr)
+        print(f"sitl_bridge: {_file_of(error, options)}: {error.strerror}", file=sys.stderr)
         return 2
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, bridge.stop)
@@ -48,6 +49,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _close(bridge) or code
     print(bridge.summary(), flush=True)
     return code
+
+
+def _file_of(error: OSError, options: BridgeOptions) -> str:
+    """The file or folder that an error is of, with the option that names it."""
+    if not error.filename:  # it was open: the log's first line was written
+        return f"--log {options.simulation.log}"
+    named = {"--log": options.simulation.log, "--record": options.simulation.record}
+    if options.firmware is not None:
+        named["--firmware-folder"] = options.firmware.folder
+    at = Path(os.fsdecode(error.filename))
+    for option, path in named.items():
+        # A folder above it may be what is missing, or a file within.
+        if path is not None and (at == path or at in path.parents or path in at.parents):
+            return f"{option} {path}"
+    return str(at)
 
 
 def _close(bridge: Bridge) -> int:
