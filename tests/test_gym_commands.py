@@ -155,6 +155,8 @@ def test_each_observation_is_what_is_known_under_its_name() -> None:
 def test_what_is_not_known_is_nought_and_what_is_out_of_range_is_at_its_edge() -> None:
     env = plain("line")
     assert not env._observation().any()  # nothing is known before a flight
+    env._known[:] = inf  # as of margins that are not known: not the best of all
+    assert not env._observation().any()
     for number, bound in ((1e9, "high"), (-1e9, "low")):
         env._known[:] = number
         env.goal = (2.0 * number, 2.0 * number)

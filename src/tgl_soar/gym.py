@@ -385,7 +385,7 @@ class SoaringEnv(gymnasium.Env):  # type: ignore[misc]
         observed[0] = self.goal[0] - known[_AT["x_m"]]
         observed[1] = self.goal[1] - known[_AT["z_m"]]
         observed[_LEAN] = known[_AT["eta_rad"]] - 0.5 * np.pi
-        observed[np.isnan(observed)] = 0.0
+        observed[~np.isfinite(observed)] = 0.0
         within: np.ndarray[Any, Any] = np.clip(observed.astype(np.float32), _LOW, _HIGH)
         return within
 
