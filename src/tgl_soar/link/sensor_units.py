@@ -99,9 +99,17 @@ def airspeed_of_pressure(message: HighresImu) -> float | None:
 
 def airspeed_of_hud(message: VfrHud) -> float | None:
     """True airspeed [m/s] of the equivalent one that VFR_HUD shows; None: no measurement."""
-    height_m = min(max(message.alt, -500.0), 9000.0) if isfinite(message.alt) else 0.0
+    return true_airspeed(message.airspeed, message.alt)
+
+
+def true_airspeed(equivalent_mps: float, altitude_m: float) -> float | None:
+    """True airspeed [m/s] of an equivalent one, so high above the sea; None: no measurement.
+
+    Where the altitude is not known it counts as that of the sea.
+    """
+    height_m = min(max(altitude_m, -500.0), 9000.0) if isfinite(altitude_m) else 0.0
     ratio = (1.0 - 2.25577e-5 * height_m) ** 4.2559
-    return _plausible(message.airspeed / sqrt(ratio))
+    return _plausible(equivalent_mps / sqrt(ratio))
 
 
 def range_of(message: DistanceSensor) -> float | None:

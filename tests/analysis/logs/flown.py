@@ -356,6 +356,8 @@ def _frames(k: int, tick: Reported, moved_every: int) -> Iterable[tuple[int, Any
     if k % 200 == 0:
         yield 0, mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3)
         yield 1, mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+        pitot = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+        yield 0, mavlink.MAVLink_sys_status_message(pitot, pitot, pitot, *([0] * 10))
     if k == 400:
         yield 1, mavlink.MAVLink_statustext_message(4, b"soaring: on the line")
         for value in (0.2, 0.6):

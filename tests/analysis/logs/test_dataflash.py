@@ -4,7 +4,7 @@ record, and what damage costs."""
 from __future__ import annotations
 
 import struct
-from math import pi, radians
+from math import nan, pi, radians
 from pathlib import Path
 
 import numpy as np
@@ -226,6 +226,40 @@ def test_airspeed_and_servo_outputs_are_read() -> None:
     assert flight.outputs["12"].tolist() == [1100]
     assert set(flight.streams) == {"ARSP", "RCOU"}
     assert flight.streams["RCOU"] == pytest.approx([0.2])
+
+
+HEALTHY = Kind(13, "ARSP", "QfBB", "TimeUS,Airspeed,U,H")
+
+
+def test_an_airspeed_is_one_while_its_sensor_is_healthy() -> None:
+    rows = [HEALTHY(at(t), 8.0 + t, 1, well) for t, well in ((0.0, 1), (1.0, 0), (2.0, 1))]
+    airspeed = read(HEALTHY.head, *rows).airspeed
+    assert airspeed is not None
+    assert airspeed["airspeed_mps"] == pytest.approx([8.0, nan, 10.0], nan_ok=True)
+    never = read(HEALTHY.head, HEALTHY(at(0.0), 8.0, 1, 0))
+    assert never.airspeed is None
+    assert "the log holds no airspeed" in never.missing
+
+
+@pytest.mark.parametrize("kind", ["POS", "AHR2", "GPS"])
+def test_an_airspeed_is_the_true_one(kind: str) -> None:
+    """At 1500 m the standard atmosphere has 0.8638 of the density of sea level (ICAO), and at the
+    sea all of it."""
+    height = Kind(14, kind, "Qf", "TimeUS,Alt")
+    heights = (height(at(1.0), 0.0), height(at(2.0), 1500.0))
+    speeds = [ARSP(at(t), 10.0) for t in (0.0, 1.0, 2.0, 3.0)]
+    airspeed = read(ARSP.head, height.head, *heights, *speeds).airspeed
+    assert airspeed is not None
+    high = 10.0 / 0.8638**0.5
+    assert airspeed["airspeed_mps"] == pytest.approx([10.0, 10.0, high, high], rel=1e-4)
+
+
+def test_of_several_altitudes_that_of_the_estimate_is_taken() -> None:
+    heights = [Kind(14 + i, name, "Qf", "TimeUS,Alt") for i, name in enumerate(("GPS", "POS"))]
+    rows = (heights[0](at(0.0), 3000.0), heights[1](at(0.0), 0.0))
+    airspeed = read(ARSP.head, *(h.head for h in heights), *rows, ARSP(at(0.0), 10.0)).airspeed
+    assert airspeed is not None
+    assert airspeed["airspeed_mps"] == pytest.approx([10.0])
 
 
 def test_what_the_log_lacks_is_named_and_none() -> None:

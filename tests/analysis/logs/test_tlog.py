@@ -438,12 +438,50 @@ def test_the_outputs_are_all_channels_that_are_ever_moved() -> None:
     assert found == {str(channel): [0.0, float(us)] for channel, us in pulses.items()}
 
 
-def test_airspeed_texts_and_streams_are_told() -> None:
-    hud = mavlink.MAVLink_vfr_hud_message(9.5, 12.0, 180, 55, 400.0, 1.0)
+def hud(airspeed: float, height: float = 0.0) -> Any:
+    return mavlink.MAVLink_vfr_hud_message(airspeed, 12.0, 180, 55, height, 1.0)
+
+
+def pitot(health: int, present: int = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE) -> Any:
+    return mavlink.MAVLink_sys_status_message(present, present, health, *([0] * 10))
+
+
+PITOT = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+
+
+def test_an_airspeed_is_one_while_a_pitot_tube_is_healthy() -> None:
+    """Without one an autopilot shows an estimate in the same field."""
+    sent = [
+        (0.0, PILOT, hud(9.0)),  # nothing is known yet
+        (0.1, PILOT, pitot(PITOT)),
+        (0.2, PILOT, hud(9.1)),
+        (0.3, PILOT, pitot(~PITOT & 0xFFFF)),
+        (0.4, PILOT, hud(9.2)),
+        (0.5, PILOT, pitot(PITOT)),
+        (0.6, PILOT, hud(9.3)),
+    ]
+    airspeed = flight_of(sent).airspeed
+    assert airspeed is not None
+    assert airspeed["airspeed_mps"] == pytest.approx([nan, 9.1, nan, 9.3], nan_ok=True)
+
+
+@pytest.mark.parametrize("status", [[], [pitot(0)], [pitot(PITOT, present=0)]])
+def test_without_a_pitot_tube_there_is_no_airspeed(status: list[Any]) -> None:
+    flight = flight_of([*((0.0, PILOT, each) for each in status), (0.1, PILOT, hud(0.0))])
+    assert flight.airspeed is None
+    assert "the log holds no airspeed" in flight.missing
+
+
+def test_an_airspeed_is_the_true_one() -> None:
+    """At 1500 m the standard atmosphere has 0.8638 of the density of sea level (ICAO)."""
+    airspeed = flight_of([(0.0, PILOT, pitot(PITOT)), (0.1, PILOT, hud(10.0, 1500.0))]).airspeed
+    assert airspeed is not None
+    assert airspeed["airspeed_mps"] == pytest.approx([10.0 / 0.8638**0.5], rel=1e-4)
+
+
+def test_texts_and_streams_are_told() -> None:
     text = mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, "höher ".encode())
-    flight = flight_of([(0.0, PILOT, hud), (2.0, MODULE, text)])
-    assert flight.airspeed is not None
-    assert flight.airspeed["airspeed_mps"] == pytest.approx([9.5])
+    flight = flight_of([(0.0, PILOT, hud(9.5, 400.0)), (2.0, MODULE, text)])
     assert rounded(flight.events) == [(2.0, "message", "höher")]
     assert sorted(flight.streams) == ["STATUSTEXT", "VFR_HUD"]
     assert flight.streams["STATUSTEXT"] == pytest.approx([2.0])

@@ -6,7 +6,7 @@ at once.  What the letters of a format mean is pymavlink's table.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -28,6 +28,7 @@ from tgl_soar.analysis.logs.flight_data import (
     series,
     with_missing,
 )
+from tgl_soar.analysis.logs.pitot import true_airspeeds
 from tgl_soar.analysis.logs.ulog_reader import LogError
 
 Floats = NDArray[np.float64]
@@ -193,7 +194,7 @@ def read_dataflash(name: str, log: Dataflash) -> FlightData:
         attitude=_wrapped(
             take("ATT", {"roll_rad": "Roll", "pitch_rad": "Pitch", "yaw_rad": "Yaw"}, radians(1.0))
         ),
-        airspeed=take("ARSP", {"airspeed_mps": "Airspeed"}),
+        airspeed=_airspeed(take),
         imu=take("IMU", _IMU),
         outputs=take(
             "RCOU",
@@ -217,6 +218,29 @@ def read_dataflash(name: str, log: Dataflash) -> FlightData:
 
 
 _Kinds = dict[str, dict[str, NDArray[Any]]]
+
+
+def _airspeed(take: Callable[[str, dict[str, str]], Series | None]) -> Series | None:
+    """True airspeed: ARSP has the equivalent one.  NaN where ARSP calls the sensor unhealthy; None
+    where it always does."""
+    shown = take("ARSP", {"shown": "Airspeed", "healthy": "H"}) or take(
+        "ARSP", {"shown": "Airspeed"}
+    )
+    if shown is None:
+        return None
+    equivalent = shown["shown"]
+    if "healthy" in shown.columns:
+        equivalent = np.where(shown["healthy"] != 0.0, equivalent, np.nan)
+        if not np.isfinite(equivalent).any():
+            return None
+    altitude = np.full(len(shown), np.nan)
+    for kind in ("POS", "AHR2", "GPS"):
+        above_sea = take(kind, {"alt": "Alt"})
+        if above_sea is not None:
+            altitude = np.interp(shown.time_s, above_sea.time_s, above_sea["alt"])
+            break
+    true_mps = true_airspeeds(equivalent, altitude)
+    return Series(shown.time_s, {"airspeed_mps": true_mps}, shown.source)
 
 
 def _wrapped(attitude: Series | None) -> Series | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from math import cos, pi, radians
+from math import cos
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -29,14 +29,27 @@ from tgl_soar.analysis.logs.flight_data import (
     Series,
     changes_of,
     euler,
-    line_series,
-    mode_words,
     parameter_events,
     series,
     with_missing,
 )
+from tgl_soar.analysis.logs.named_values import (
+    named_values,
+    reported_ages,
+    reported_air,
+    reported_forecast,
+    reported_line,
+    reported_margins,
+    reported_modes,
+    reported_path,
+    reported_series,
+    reported_setpoints,
+    together,
+)
+from tgl_soar.analysis.logs.pitot import true_airspeeds
 from tgl_soar.analysis.logs.ulog_reader import LEAP_S, LogError
 from tgl_soar.link.frames import MARKER_V1, MARKER_V2, SIGNED
+from tgl_soar.link.messages import SENSOR_DIFFERENTIAL_PRESSURE
 
 Floats = NDArray[np.float64]
 
@@ -291,7 +304,12 @@ def _losses(frames: _Frames, rows: NDArray[np.intp]) -> dict[str, tuple[int, int
 def read_tlog(name: str, log: Tlog) -> FlightData:
     """A flight that was recorded on the wire."""
     system = _vehicle(log)
-    reported = _named_values(log)
+    told = log.kinds.get("NAMED_VALUE_FLOAT")
+    reported = (
+        {}
+        if told is None
+        else named_values(told.time_s, told.columns["name"], told.columns["value"])
+    )
     position, absolute = _position(log, system)
     flight = FlightData(
         name=name,
@@ -299,20 +317,20 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
         position=position,
         velocity=_velocity(log, system),
         attitude=_attitude(log, system),
-        airspeed=_from(log.get("VFR_HUD", system), "VFR_HUD", airspeed_mps="airspeed"),
+        airspeed=_airspeed(log, system),
         rates=_rates(log, system),
         imu=_imu(log, system),
-        path=_reported_path(reported),
+        path=reported_path(reported),
         outputs=_outputs(log, system),
-        setpoints=_reported_setpoints(reported),
-        tracking=_reported(reported, "e_rho", "e_rho_m"),
-        line=_reported_line(reported),
-        air=_reported_air(reported),
-        ages=_reported_ages(reported),
-        margins=_reported_margins(reported),
-        forecast=_reported_forecast(reported),
-        point=_together(reported, {"standing": "pt_state", "off_m": "pt_off", "brake": "brake"}),
-        modes=_reported_modes(reported),
+        setpoints=reported_setpoints(reported),
+        tracking=reported_series(reported, "e_rho", "e_rho_m"),
+        line=reported_line(reported),
+        air=reported_air(reported),
+        ages=reported_ages(reported),
+        margins=reported_margins(reported),
+        forecast=reported_forecast(reported),
+        point=together(reported, {"standing": "pt_state", "off_m": "pt_off", "brake": "brake"}),
+        modes=reported_modes(reported),
         autopilot_modes=_autopilot_modes(log, system),
         streams={kind: rows.time_s for kind, rows in log.kinds.items()},
         loss=log.loss,
@@ -409,6 +427,24 @@ def _attitude(log: Tlog, system: int) -> Series | None:
     return series(kind.time_s, source, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw)
 
 
+def _airspeed(log: Tlog, system: int) -> Series | None:
+    """True airspeed, NaN while no pitot tube is known to be in good health: then VFR_HUD shows an
+    estimate.  None where there never is one."""
+    hud, status = log.get("VFR_HUD", system), log.get("SYS_STATUS", system)
+    if hud is None or status is None:
+        return None
+    sensors = status.columns["onboard_control_sensors_present"]
+    sensors = sensors & status.columns["onboard_control_sensors_health"]
+    healthy = (sensors & SENSOR_DIFFERENTIAL_PRESSURE != 0).astype(float)
+    told = Series(status.time_s, {"healthy": healthy}, "SYS_STATUS")
+    measured = told.last_at("healthy", hud.time_s) > 0.0
+    if not measured.any():
+        return None
+    shown = np.where(measured, hud.columns["airspeed"].astype(float), np.nan)
+    true_mps = true_airspeeds(shown, hud.columns["alt"].astype(float))
+    return series(hud.time_s, "VFR_HUD", airspeed_mps=true_mps)
+
+
 def _rates(log: Tlog, system: int) -> Series | None:
     source, kind = _turned(log, system)
     speeds = ("rollspeed", "pitchspeed", "yawspeed")
@@ -482,106 +518,3 @@ def _parameters(log: Tlog) -> tuple[dict[str, float], list[tuple[float, str, flo
         else:
             first[name] = value
     return first, changes
-
-
-# --- what the module itself tells: NAMED_VALUE_FLOAT, in the operator's units ---------------
-
-
-def _named_values(log: Tlog) -> dict[str, tuple[Floats, Floats]]:
-    """Times and values by name."""
-    kind = log.kinds.get("NAMED_VALUE_FLOAT")
-    if kind is None:
-        return {}
-    names = kind.columns["name"]
-    times = kind.time_s
-    found = {}
-    for name in np.unique(names).tolist():
-        rows = names == name
-        found[name.decode("ascii", "replace").strip("\0")] = (
-            times[rows],
-            kind.columns["value"][rows].astype(float),
-        )
-    return found
-
-
-_Reported = dict[str, tuple[Floats, Floats]]
-
-
-def _reported(reported: _Reported, name: str, column: str, scale: float = 1.0) -> Series | None:
-    if name not in reported:
-        return None
-    times, values = reported[name]
-    return series(times, f"NAMED_VALUE_FLOAT {name}", **{column: scale * values})
-
-
-def _together(reported: _Reported, names: dict[str, str]) -> Series | None:
-    """Numbers that were reported in turn as one series, each as it stood at the time."""
-    if not all(name in reported for name in names.values()):
-        return None
-    parts = {c: Series(reported[n][0], {c: reported[n][1]}, n) for c, n in names.items()}
-    times = np.unique(np.concatenate([part.time_s for part in parts.values()]))
-    columns = {c: part.last_at(c, times) for c, part in parts.items()}
-    return series(times, "NAMED_VALUE_FLOAT", **columns)
-
-
-def _reported_setpoints(reported: _Reported) -> Series | None:
-    pitch = _reported(reported, "pitch_sp", "pitch_rad", radians(1.0))
-    if pitch is None:
-        return None
-    unknown = np.full(len(pitch), np.nan)
-    return replace(pitch, columns={**pitch.columns, "roll_rad": unknown, "heading_rad": unknown})
-
-
-def _reported_path(reported: _Reported) -> Series | None:
-    """x and z alone: the path that the position messages give is better, where a site is known."""
-    found = _together(reported, {"x_m": "soar_x", "z_m": "soar_z"})
-    if found is None:
-        return None
-    return replace(found, columns={**found.columns, "y_m": np.full(len(found), np.nan)})
-
-
-def _reported_line(reported: _Reported) -> Series | None:
-    parts = {}
-    for column, name in (("x_m", "line_x"), ("z_m", "line_z"), ("eta_rad", "line_lean")):
-        part = _reported(reported, name, column)
-        if part is not None:
-            parts[column] = part
-    if "eta_rad" in parts:
-        eta = np.radians(parts["eta_rad"]["eta_rad"]) + 0.5 * pi
-        parts["eta_rad"] = replace(parts["eta_rad"], columns={"eta_rad": eta})
-    return line_series(parts, "NAMED_VALUE_FLOAT")
-
-
-def _reported_air(reported: _Reported) -> Series | None:
-    if "updraft" not in reported:
-        return None
-    times, updraft = reported["updraft"]
-    wind = np.full(len(times), np.nan)
-    if "wind" in reported:
-        wind = Series(reported["wind"][0], {"wind": reported["wind"][1]}, "").last_at("wind", times)
-    return series(times, "NAMED_VALUE_FLOAT updraft", wind_mps=wind, updraft_mps=updraft)
-
-
-def _reported_ages(reported: _Reported) -> Series | None:
-    names = {"position_age_s": "age_pos", "attitude_age_s": "age_att", "heartbeat_age_s": "age_ap"}
-    return _together(reported, names)
-
-
-def _reported_margins(reported: _Reported) -> Series | None:
-    found = _together(reported, {"clearance_m": "clearance", "stall_rad": "stall"})
-    if found is None:
-        return None
-    return replace(found, columns={**found.columns, "stall_rad": np.radians(found["stall_rad"])})
-
-
-def _reported_forecast(reported: _Reported) -> Series | None:
-    names = {"standing": "fc_state", "chance": "fc_chance", "ahead_s": "fc_time", "z_m": "fc_z"}
-    return _together(reported, names)
-
-
-def _reported_modes(reported: _Reported) -> tuple[LoggedMode, ...]:
-    if "soar_mode" not in reported:
-        return ()
-    times, values = reported["soar_mode"]
-    known = np.isfinite(values)
-    return changes_of(times[known], mode_words(values[known]))
