@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
+from tgl_soar.analysis.logs.flight_data import FlightData, series
+from tgl_soar.analysis.logs.gliding import MeanWind
 from tgl_soar.cli import polar as module
 from tgl_soar.cli.app import app
 from tgl_soar.cli.polar import brake_words, logged_glides, polar_toml, read_glides
@@ -228,6 +230,29 @@ def test_the_glides_of_several_logs_are_put_together(
     out, err = capsys.readouterr()
     assert out == "a.ulg: 2 steady glides, 30 s in all\nb.ulg: 1 steady glides, 5 s in all\n"
     assert err.count("lost: a bit") == 2
+
+
+def test_the_brake_of_a_log_is_read_by_the_airframe_that_is_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    surfaces = load_airframe(shipped("airframes/eclipson_c_spoilers.toml")).surfaces
+    known = surfaces.brake
+    assert known is not None
+    pulses = {str(known.channel): [known.pwm_min, known.pwm_max]}
+    seen: list[FlightData] = []
+
+    def glided(flight: FlightData, _wind: object) -> list[object]:
+        seen.append(flight)
+        return []
+
+    flown = FlightData("a", "b", outputs=series([0.0, 1.0], "outputs", **pulses))
+    monkeypatch.setattr(module, "read_flight", lambda _: flown)
+    monkeypatch.setattr(module, "glides", glided)
+    logged_glides([Path("a.bin")], MeanWind(0.0, 0.0), surfaces)
+    logged_glides([Path("a.bin")], MeanWind(0.0, 0.0))
+    assert seen[0].brake is not None
+    assert sorted(seen[0].brake["brake"]) == [0.0, 1.0]
+    assert seen[1].brake is None
 
 
 def test_a_figure_of_no_known_format_is_refused(tmp_path: Path) -> None:

@@ -10,12 +10,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from tgl_soar.analysis.logs.flight_data import steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides
 from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, Commands, console, errors, fail, say
 from tgl_soar.cli.identify import WindFromOption, WindOption
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.estimation.polar import (
     BRAKE_SLACK,
@@ -69,7 +70,9 @@ def fit(
                 raise ValueError(f"{files[1]}: one table at a time")
             speeds, sinks, brakes = read_glides(file, speed, sink, brake)
         else:
-            speeds, sinks, brakes = logged_glides(files, MeanWind(wind, radians(wind_from)))
+            speeds, sinks, brakes = logged_glides(
+                files, MeanWind(wind, radians(wind_from)), None if plane is None else plane.surfaces
+            )
         family = None
         if max(brakes, default=0.0) - min(brakes, default=0.0) > BRAKE_SLACK:
             family = fit_polar_family(speeds, sinks, brakes)
@@ -181,9 +184,12 @@ def read_glides(
 
 
 def logged_glides(
-    files: list[Path], wind: MeanWind
+    files: list[Path], wind: MeanWind, surfaces: Surfaces | None = None
 ) -> tuple[list[float], list[float], list[float]]:
     """Speeds, sinks and brakes of the steady glides in some logs.
+
+    surfaces: of the airframe, to read the brake from the outputs where a log has no command of it;
+    without them it counts as retracted there.
 
     Errors: `LogError`; ValueError naming a log that holds none.
     """
@@ -193,7 +199,7 @@ def logged_glides(
         for text in flight.lost:
             errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
         try:
-            found = glides(flight, wind)
+            found = glides(flight if surfaces is None else steered(flight, surfaces), wind)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         say(f"{path}: {len(found)} steady glides, {sum(g.duration_s for g in found):.0f} s in all")

@@ -267,6 +267,18 @@ def test_a_flap_brakes_from_one_end_of_its_pulses_to_the_other(
     assert steered(flight(outputs=outputs), elsewhere).brake is None
 
 
+def test_a_brake_is_read_from_the_pulses_beside_commands_that_the_log_tells() -> None:
+    outputs = moved(6, [1000.0, 2000.0])
+    told = of([0.0, 1.0], elevator=[0.1] * 2, aileron=[0.0] * 2, rudder=[0.0] * 2)
+    surfaces = Surfaces(**PLAIN, flap=surface(6))
+    there = steered(flight(outputs=outputs, surfaces=told), surfaces)
+    assert there.surfaces is told
+    assert there.brake is not None
+    assert there.brake["brake"].tolist() == [0.0, 1.0]
+    own = of([0.0], brake=[0.3])
+    assert steered(flight(outputs=outputs, brake=own), surfaces).brake is own
+
+
 # --- changes --------------------------------------------------------------------------------------
 
 

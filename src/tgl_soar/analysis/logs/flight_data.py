@@ -226,8 +226,11 @@ def placed(flight: FlightData, frame: SoaringFrame) -> FlightData:
 
 
 def steered(flight: FlightData, surfaces: Surfaces) -> FlightData:
-    """The flight with surfaces from the outputs' pulse widths, where the log has no commands."""
+    """The flight with surfaces and brake from the outputs' pulse widths, each where the log has no
+    commands of it."""
     outputs = flight.outputs
+    if outputs is not None and flight.brake is None:
+        flight = replace(flight, brake=_braked(outputs, surfaces))
     if flight.surfaces is not None or outputs is None:
         return flight
     columns = {}
@@ -240,7 +243,7 @@ def steered(flight: FlightData, surfaces: Surfaces) -> FlightData:
         values = np.interp(pulse, ends, [1.0, 0.0, -1.0] if surface.reversed else [-1.0, 0.0, 1.0])
         columns[name] = np.where(pulse > 0.0, values, np.nan)  # 0: the output is off
     moved = Series(outputs.time_s, columns, outputs.source)
-    return replace(flight, surfaces=moved, brake=_braked(outputs, surfaces))
+    return replace(flight, surfaces=moved)
 
 
 def _braked(outputs: Series, surfaces: Surfaces) -> Series | None:
