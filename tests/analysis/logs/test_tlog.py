@@ -438,6 +438,17 @@ def test_the_outputs_are_all_channels_that_are_ever_moved() -> None:
     assert found == {str(channel): [0.0, float(us)] for channel, us in pulses.items()}
 
 
+def test_a_second_ports_outputs_are_not_the_firsts() -> None:
+    rows = [
+        (0.1 * k, PILOT, mavlink.MAVLink_servo_output_raw_message(0, port, *([us] * 8)))
+        for k, (port, us) in enumerate(((0, 1500), (1, 1900), (0, 1600), (1, 1000)))
+    ]
+    outputs = flight_of(rows).outputs
+    assert outputs is not None
+    assert outputs["1"].tolist() == [1500.0, 1600.0]
+    assert flight_of(rows[1:2]).outputs is None
+
+
 def hud(airspeed: float, height: float = 0.0) -> Any:
     return mavlink.MAVLink_vfr_hud_message(airspeed, 12.0, 180, 55, height, 1.0)
 
@@ -497,6 +508,42 @@ def test_a_parameter_is_as_it_was_first_told_and_a_change_is_an_event() -> None:
     flight = flight_of([(float(i), MODULE, parameter(n)) for i, n in enumerate((0.5, 0.5, 0.75))])
     assert flight.parameters == {"PIT_P": 0.5}
     assert rounded(flight.events) == [(2.0, "parameter", "PIT_P 0.5 → 0.75")]
+
+
+def whole(number: int) -> float:
+    """Its four bytes as a float's."""
+    return float(struct.unpack("<f", struct.pack("<i", number))[0])
+
+
+def test_whole_numbers_of_px4_are_their_four_bytes_and_the_modules_their_values() -> None:
+    def sent(name: str, number: float, kind: int = mavlink.MAV_PARAM_TYPE_INT32) -> Any:
+        return mavlink.MAVLink_param_value_message(name.encode(), number, kind, 1, 0)
+
+    rows = [
+        (0.0, PILOT, beat(mavlink.MAV_AUTOPILOT_PX4)),
+        (1.0, PILOT, sent("COM_FLTMODE1", whole(-1))),
+        (2.0, PILOT, sent("COM_FLTMODE1", whole(-1))),
+        (3.0, PILOT, sent("COM_FLTMODE1", whole(2))),
+        (4.0, PILOT, sent("FW_P", 0.5, mavlink.MAV_PARAM_TYPE_REAL32)),
+        (5.0, MODULE, sent("TGL_HOLD", 1.0)),
+    ]
+    flight = flight_of(rows)
+    assert flight.parameters == {"COM_FLTMODE1": -1.0, "FW_P": 0.5, "TGL_HOLD": 1.0}
+    assert rounded(flight.events) == [(3.0, "parameter", "COM_FLTMODE1 -1 → 2")]
+    ardupilot = flight_of([(0.0, PILOT, beat()), (1.0, PILOT, sent("LIM", 3.0))])
+    assert ardupilot.parameters == {"LIM": 3.0}
+
+
+def test_what_is_no_number_and_what_other_vehicles_have_is_no_change() -> None:
+    real = mavlink.MAV_PARAM_TYPE_REAL32
+    sent = [(PILOT, 0.5), (PILOT, nan), ((2, 1), 0.7), (PILOT, 0.5)]
+    rows = [
+        (1.0 + i, who, mavlink.MAVLink_param_value_message(b"PIT_P", number, real, 1, 0))
+        for i, (who, number) in enumerate(sent)
+    ]
+    flight = flight_of([(0.0, PILOT, beat()), *rows])
+    assert flight.parameters == {"PIT_P": 0.5}
+    assert flight.events == ()
 
 
 def test_what_the_log_does_not_hold_is_listed() -> None:

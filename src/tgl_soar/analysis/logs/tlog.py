@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from math import cos
+from math import cos, isnan
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -48,8 +48,9 @@ from tgl_soar.analysis.logs.named_values import (
 )
 from tgl_soar.analysis.logs.pitot import true_airspeeds
 from tgl_soar.analysis.logs.ulog_reader import LEAP_S, LogError
+from tgl_soar.link.autopilots.base import value_bytewise
 from tgl_soar.link.frames import MARKER_V1, MARKER_V2, SIGNED
-from tgl_soar.link.messages import SENSOR_DIFFERENTIAL_PRESSURE
+from tgl_soar.link.messages import AUTOPILOT_PX4, SENSOR_DIFFERENTIAL_PRESSURE, ParamValue
 
 Floats = NDArray[np.float64]
 
@@ -337,7 +338,7 @@ def read_tlog(name: str, log: Tlog) -> FlightData:
         absolute_positions=absolute,
         lost=tuple(log.lost),
     )
-    first, changes = _parameters(log)
+    first, changes = _parameters(log, system)
     events = [*_texts(log), *parameter_events(first, changes)]
     notes = (
         () if absolute else ("positions are measured from the first fix: no local frame is given",)
@@ -474,6 +475,7 @@ def _outputs(log: Tlog, system: int) -> Series | None:
     kind = log.get("SERVO_OUTPUT_RAW", system)
     if kind is None:
         return None
+    kind = kind.of(kind.columns["port"] == 0)  # a second port has outputs of its own, from 1 again
     columns = {str(i): kind.columns[f"servo{i}_raw"].astype(float) for i in range(1, 17)}
     used = {name: values for name, values in columns.items() if np.any(values > 0.0)}
     return series(kind.time_s, "SERVO_OUTPUT_RAW", **used)
@@ -503,18 +505,44 @@ def _texts(log: Tlog) -> list[Event]:
     return [Event(t, "message", text) for t, text in zip(kind.time_s.tolist(), texts, strict=True)]
 
 
-def _parameters(log: Tlog) -> tuple[dict[str, float], list[tuple[float, str, float]]]:
-    """Each parameter as it was first reported, and every change."""
+def _parameters(log: Tlog, system: int) -> tuple[dict[str, float], list[tuple[float, str, float]]]:
+    """Each parameter of the vehicle as it was first reported, and every change.
+
+    NaN is no value; other systems' parameters are left out.
+    """
     kind = log.kinds.get("PARAM_VALUE")
     if kind is None:
         return {}, []
+    kind = kind.of(kind.system == system)
+    bytewise = _is_px4(log, system)
     first: dict[str, float] = {}
     changes = []
     names = (n.decode("ascii", "replace").strip("\0") for n in kind.columns["param_id"].tolist())
     values = kind.columns["param_value"].tolist()
-    for t, name, value in zip(kind.time_s.tolist(), names, values, strict=True):
+    types, senders = kind.columns["param_type"].tolist(), kind.component.tolist()
+    rows = zip(kind.time_s.tolist(), names, values, types, senders, strict=True)
+    for t, name, sent, param_type, sender in rows:
+        value = sent
+        if bytewise and sender == AUTOPILOT:
+            value = value_bytewise(
+                ParamValue(
+                    param_id=name,
+                    param_value=sent,
+                    param_type=param_type,
+                    param_count=0,
+                    param_index=0,
+                )
+            )
+        if isnan(value):
+            continue
         if name in first:
             changes.append((t, name, value))
         else:
             first[name] = value
     return first, changes
+
+
+def _is_px4(log: Tlog, system: int) -> bool:
+    """Whether the vehicle's autopilot says so: PX4 sends whole numbers as their four bytes."""
+    beats = log.get("HEARTBEAT", system)
+    return beats is not None and bool((beats.columns["autopilot"] == AUTOPILOT_PX4).any())
