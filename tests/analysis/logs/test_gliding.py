@@ -112,3 +112,26 @@ def test_without_gyros_the_pitch_rate_is_a_difference() -> None:
     turning = {**seen.attitude.columns, "pitch_rad": 0.1 * T - 0.5}
     columns = longitudinal(replace(seen, attitude=Series(T, turning, "a")))
     assert columns.pitch_rate_radps[5:-5] == pytest.approx(0.1)
+
+
+def test_a_deflection_is_not_known_over_a_gap_of_its_samples() -> None:
+    """What was commanded last tells nothing of seconds that were not logged."""
+    kept = (T < 3.0 - 1e-9) | (T > 6.0 - 1e-9)
+    none = np.zeros(int(kept.sum()))
+    sparse = series(
+        T[kept], "s", elevator=np.where(T[kept] < 3.0, 0.1, -0.3), aileron=none, rudder=none
+    )
+    columns = longitudinal(replace(flight(), surfaces=sparse))
+    at = columns.time_s
+    assert columns.elevator[(at > 0.1) & (at < 2.9)] == pytest.approx(0.1)
+    assert np.isnan(columns.elevator[(at > 3.0) & (at < 5.98)]).all()
+    assert columns.elevator[(at > 6.01) & (at < 11.9)] == pytest.approx(-0.3)
+
+
+def test_samples_that_always_come_seldom_hold_until_the_next() -> None:
+    rows = np.arange(0.0, 12.0, 0.5)
+    none = np.zeros_like(rows)
+    seldom = series(rows, "s", elevator=none + 0.2, aileron=none, rudder=none)
+    columns = longitudinal(replace(flight(), surfaces=seldom))
+    inside = (columns.time_s > 0.1) & (columns.time_s < 11.0)
+    assert columns.elevator[inside] == pytest.approx(0.2)

@@ -189,7 +189,10 @@ def _pitch_rate(flight: FlightData, pitch_rad: Floats, time_s: Floats) -> Floats
 
 
 def _held(samples: Series, name: str, time_s: Floats) -> Floats:
-    """The mean of a column over each step of the grid, every sample holding until the next."""
+    """The mean of a column over each step of the grid, every sample holding until the next.
+
+    NaN over a gap: `GAP_MAX_S`, or five usual distances of samples where they come less often.
+    """
     known = np.isfinite(samples[name])
     at, values = samples.time_s[known], samples[name][known]
     if at.size < 2:
@@ -198,7 +201,13 @@ def _held(samples: Series, name: str, time_s: Floats) -> Floats:
     integral = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(at))])
     begin = np.interp(time_s, at, integral, left=np.nan, right=np.nan)
     end = np.interp(time_s + STEP_S, at, integral, left=np.nan, right=np.nan)
-    return np.asarray((end - begin) / STEP_S, dtype=float)
+    gaps = np.diff(at)
+    wide = gaps > max(GAP_MAX_S, 5.0 * float(np.median(gaps)))
+    last = len(gaps) - 1
+    first_in = (np.searchsorted(at, time_s, side="right") - 1).clip(0, last)
+    last_in = (np.searchsorted(at, time_s + STEP_S, side="left") - 1).clip(0, last)
+    known_there = ~(wide[first_in] | wide[last_in])
+    return np.where(known_there, (end - begin) / STEP_S, np.nan)
 
 
 def on_grid(samples: Series, name: str, time_s: Floats) -> Floats:
