@@ -27,6 +27,7 @@ class Straightened:
         self.rows: dict[str, NDArray[np.intp]] = {}
         self.time_s: dict[str, Floats] = {}
         self.lost: list[str] = []
+        self._cuts: list[tuple[float, float]] = []  # after what time, how much; the last first
         for name, times in stamps.items():
             self._take(name, np.asarray(times, dtype=float))
         self._undo_steps_back()
@@ -88,8 +89,19 @@ class Straightened:
                 f"{gaps[i]:.4g} s without a sample: the clock leapt or nothing was recorded;"
                 f" {REST_S:g} s of it is left"
             )
+            self._cuts.append((float(every[i]), float(gaps[i] - REST_S)))
             for times in self.time_s.values():
                 times[times > every[i]] -= gaps[i] - REST_S
+
+    def moved(self, stamp_s: float) -> float:
+        """The flight time [s] of something else that the same clock stamped, leaps cut out of it.
+
+        Where the clock was set back nothing tells on which side of that it was: it stays.
+        """
+        for after_s, cut_s in self._cuts:
+            if stamp_s > after_s:
+                stamp_s = max(after_s, stamp_s - cut_s)
+        return stamp_s - self.start_s
 
 
 def _steps_back(times: Floats) -> list[tuple[int, float]]:

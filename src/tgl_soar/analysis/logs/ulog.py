@@ -36,6 +36,7 @@ class Topics:
             for name, rows in timed.items()
         }
         self._log = log
+        self._clocks = clocks
 
     def has(self, topic: str, name: str) -> bool:
         """Whether a topic has rows and this column."""
@@ -70,9 +71,9 @@ class Topics:
 
     def events(self) -> list[Event]:
         """Texts and changes of parameters."""
-        start = self.start_s
-        texts = [Event(w.time_s - start, "message", w.text.strip()) for w in self._log.words]
-        changes = [(c.time_s - start, c.name, c.value) for c in self._log.changes]
+        moved = self._clocks.moved
+        texts = [Event(moved(w.time_s), "message", w.text.strip()) for w in self._log.words]
+        changes = [(moved(c.time_s), c.name, c.value) for c in self._log.changes]
         return [*texts, *parameter_events(self.parameters(), changes)]
 
     def parameters(self) -> dict[str, float]:
