@@ -127,6 +127,30 @@ def test_the_farthest_is_of_all_flights_that_had_settled_to_either_side() -> Non
     assert all(map(isnan, e._peaks([])))
 
 
+@pytest.mark.parametrize("name", ["point_off_m", "e_rho_m"])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_moment_off_the_line_leaves_no_farthest_and_no_claim(name: str, first: bool) -> None:
+    time = np.arange(0.0, 30.0, STEP_S)
+    good = flight(point_off_m=0.002)
+    columns = {"point_off_m": 0.3, name: np.where(time > 29.85, nan, 0.3)}
+    away = flight(**columns)
+    peaks = e._peaks([away, good] if first else [good, away])
+    assert isnan(peaks[0] if name == "point_off_m" else peaks[1])
+    assert not e._still_claim(peaks).holds
+    assert not e._still_claim((0.001, nan)).holds
+
+
+def test_a_flight_that_is_lost_is_not_still() -> None:
+    assert e._still_claim((0.001, 0.001)).holds
+    assert not e._still_claim((0.001, 0.001), 1).holds
+
+
+def test_a_moment_off_the_line_leaves_the_rest_about_its_point() -> None:
+    time = np.arange(0.0, 30.0, STEP_S)
+    one = flight(x_m=0.3, point_off_m=np.where(time > 29.85, nan, 0.3))
+    assert e.held([one], 0.0, 15.0).along_m == pytest.approx(0.3)
+
+
 # --- paths ----------------------------------------------------------------------------------------
 
 
