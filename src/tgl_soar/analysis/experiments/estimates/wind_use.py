@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees
+from math import degrees, isfinite
 from typing import Final, NamedTuple
 
 from tgl_soar.analysis.experiments.context import Context
@@ -126,11 +126,12 @@ class Compared(NamedTuple):
 
 def worth_claim(compared: dict[str, Compared]) -> Claim:
     """By the ratios of all flights; one of the flights that are left decides nothing, as those
-    that were lost had the roughest air."""
+    that were lost had the roughest air.  It does not hold where there is no ratio at all."""
     worth = 1.0 - WORTH
     better = {name: c for name, c in compared.items() if c.ratios.e_rho <= worth}
     whole = {name: c for name, c in better.items() if c.whole}
     best = min((c.ratios.e_rho for c in compared.values() if c.whole), default=1.0)
+    measured = any(isfinite(c.ratios.e_rho) for c in compared.values())
     open_words = "; ".join(
         f"{name}: {c.ratios.e_rho:.2f}{c.ratios.words}, {c.lost} lost against {c.lost_of_neither}"
         for name, c in better.items()
@@ -138,7 +139,7 @@ def worth_claim(compared: dict[str, Compared]) -> Claim:
     )
     return decided(
         f"none of it is worth {100 * WORTH:g} % of rms e_rho, so all of it may stay off",
-        False if whole else None if better else True,
+        False if whole or not measured else None if better else True,
         f"the best is {best:.2f} of neither's"
         + (
             f"; not to be compared, as the flights lost are not the same: {open_words}"

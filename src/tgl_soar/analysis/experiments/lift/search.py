@@ -213,7 +213,13 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
             both, there = _soared(scores, kind, MAP, group)
             words = "" if group is everywhere else f", {group.name}"
             text = f"soars ≥ {100 * group.soared:.0f} % of what the oracle soars{words}"
-            claims.append(Claim(text, both >= group.soared * there, fraction_text(both, there)))
+            claims.append(
+                Claim(
+                    text,
+                    there > 0 and both >= group.soared * there,
+                    fraction_text(both, there),
+                )
+            )
     with_pitot, there = _soared(scores, kind, MAP, everywhere)
     without, _ = _soared(scores, kind, NO_PITOT, everywhere)
     lost = (with_pitot - without) / max(1, there)
@@ -222,7 +228,7 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
     claims += [
         Claim(
             f"without a pitot within {100 * PITOT:.0f} points",
-            lost <= PITOT,
+            there > 0 and lost <= PITOT,
             f"{100 * lost:+.1f} points fewer",
         ),
         Claim(

@@ -9,7 +9,7 @@ A flight that is lost counts in e_rho with all that it flew after `SETTLE_S`.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -152,16 +152,21 @@ def lean_count_claims(counts: dict[LeanCase, LeanCount]) -> tuple[Claim, ...]:
             )
         )
         if turbulence == min(LOST):
-            rough = max(here, key=lambda deg: here[deg].rms_e_rho_m)
+            rough = max(here, key=lambda deg: _or_worse(here[deg].rms_e_rho_m))
             claims.append(
                 Claim(
                     f"{imu} accelerometers, {100 * turbulence:g} %: at every lean e_rho is at most"
                     f" {100 * RMS_M:g} cm rms",
-                    here[rough].rms_e_rho_m <= RMS_M,
+                    all(n.rms_e_rho_m <= RMS_M for n in here.values()),
                     f"at most {100 * here[rough].rms_e_rho_m:.2f} cm, at {rough:g}°",
                 )
             )
     return tuple(claims)
+
+
+def _or_worse(rms_m: float) -> float:
+    """NaN is of a lean at which none flew long enough to be counted."""
+    return inf if rms_m != rms_m else rms_m
 
 
 def _row(case: LeanCase, count: LeanCount) -> tuple[Any, ...]:

@@ -211,6 +211,7 @@ def _of(flown: list[BeatFlight], kind: str, case: HourCase) -> list[BeatFlight]:
 
 
 def _claims(flown: list[BeatFlight]) -> tuple[Claim, ...]:
+    # A claim of flights of which there are none does not hold: nothing flown shows nothing.
     lost = sum(each.lost for each in flown)
     may_beat = [each for each in flown if each.case.who == BEATS]
     beat = [each for each in may_beat if each.beating_s > 0.0]
@@ -230,7 +231,7 @@ def _claims(flown: list[BeatFlight]) -> tuple[Claim, ...]:
         Claim(
             f"none hits anything before it lands, nor the ground at more than {SINK_MPS:g} m/s of"
             " sink",
-            lost == 0,
+            bool(flown) and lost == 0,
             f"{fraction_text(lost, len(flown))} lost",
         ),
         # A lull is some minutes long, and there are four an hour: who sits them out has three times
@@ -245,17 +246,17 @@ def _claims(flown: list[BeatFlight]) -> tuple[Claim, ...]:
         ),
         Claim(
             "where the wind is too oblique to stand in, who may beat is still up after ten minutes",
-            stays == len(aside),
+            0 < len(aside) == stays,
             fraction_text(stays, len(aside)) if aside else "none flown",
         ),
         Claim(
             "who beats is not disengaged in the air",
-            gone == 0,
+            bool(beat) and gone == 0,
             fraction_text(gone, len(beat)) if beat else "none beat",
         ),
         Claim(
             "of those that beat and broke off 95 % or more touch down as they should",
-            landed >= 0.95 * len(home),
+            bool(home) and landed >= 0.95 * len(home),
             fraction_text(landed, len(home)) if home else "none broke off",
         ),
     )

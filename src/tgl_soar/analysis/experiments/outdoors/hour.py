@@ -353,7 +353,7 @@ def _claims(every: list[FlownHour]) -> tuple[Claim, ...]:
         ),
         Claim(
             "of those that broke off 95 % or more touch down as they should",
-            landed >= 0.95 * len(left),
+            bool(left) and landed >= 0.95 * len(left),  # of none it shows nothing
             fraction_text(landed, len(left)) if left else "none broke off",
         ),
         Claim(

@@ -164,6 +164,7 @@ def slope(context: Context) -> Result:
     variants = {i: with_turbulence(scenario, i, context.dispersion) for i in intensities}
     flights = context.fly(variants)
     prepared = prepare(variants[0.01])
+    lost = sum(not flight.survived for flight in flights[0.01])
     summaries = {i: summarise(prepare(variants[i]), flights[i]) for i in intensities}
     shifts = {
         i: [shift_of(prepare(variants[i]), flights[i], line) for line in ("a", "b", "c")]
@@ -197,7 +198,7 @@ def slope(context: Context) -> Result:
         flown="The line goes a, b, c in front of a board of 23°; at c the board is raised to 25°"
         " within 10 s; the line goes back b, a. The field is a blend of the fields of both slopes.",
         claims=(
-            *slope_claims(shifts[0.01], AGREE_M * (2.0 if context.quick else 1.0)),
+            *slope_claims(shifts[0.01], AGREE_M * (2.0 if context.quick else 1.0), lost),
             settled_claim(flights[0.01], summaries[0.01], 6),
         ),
         why="",
@@ -223,8 +224,8 @@ def slope(context: Context) -> Result:
     )  # fmt: skip
 
 
-def slope_claims(shifts: list[Shift], agree_m: float = AGREE_M) -> tuple[Claim, ...]:
-    """Contour and aircraft rise, by the same."""
+def slope_claims(shifts: list[Shift], agree_m: float = AGREE_M, lost: int = 0) -> tuple[Claim, ...]:
+    """Contour and aircraft rise, by the same; shifts are of those that lasted: none may be lost."""
     contour = ", ".join(f"{100 * s.predicted_m:+.1f} cm at {s.line}" for s in shifts)
     flown = ", ".join(_shift_words(s) for s in shifts)
     worst = max(shifts, key=lambda s: abs(s.off_m))
@@ -235,9 +236,11 @@ def slope_claims(shifts: list[Shift], agree_m: float = AGREE_M) -> tuple[Claim, 
         decided(
             "the aircraft rises with it",
             all_of(
-                part
-                for s in shifts
-                for part in (above(s.flown_m, s.error_m), within(s.off_m, s.off_error_m, agree_m))
+                (
+                    *(above(s.flown_m, s.error_m) for s in shifts),
+                    *(within(s.off_m, s.off_error_m, agree_m) for s in shifts),
+                    not lost,
+                )
             ),
             f"{flown}; {_off_words(worst)}",
         ),

@@ -262,6 +262,7 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
                     *(above(c.at_once_m, c.at_once_error_m) for c in slow),
                     *(within(c.at_once_m, c.at_once_error_m, STOOD_M) for c in at_best),
                     *(above(-c.at_once_m, c.at_once_error_m) for c in beyond),
+                    not any(c.lost for c in changes),
                 )
             ),
             f"{at_once}, {AT_ONCE_S:g} s after the step",
