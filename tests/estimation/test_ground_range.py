@@ -173,14 +173,17 @@ def test_nor_do_they_after_a_gap(short: int, ground: Ground) -> None:
 @pytest.mark.parametrize("use", [RANGE_BOUNDS, RANGE_UNUSED])
 def test_asked_for_in_flight_it_corrects_no_faster_than_a_line_slides(use: int) -> None:
     """Nor does a correction go faster that nothing asks for any more."""
-    bias: dict[str, Callable[[float], float]] = {"bias_m": lambda _: 2.5}
-    sensor = Sensor(RangeGains(use, 3.0)).fly(20.0, **bias)
+
+    def bias_m(_: float) -> float:
+        return 2.5
+
+    sensor = Sensor(RangeGains(use, 3.0)).fly(20.0, bias_m=bias_m)
     assert sensor.found.correction_m == 0.0
     for gains, after in ((CORRECTS, -2.5), (RangeGains(use, 3.0), 0.0)):
         sensor.gains = gains
         for _ in range(round(20.0 * RATE_HZ)):
             before = sensor.found.correction_m
-            sensor.fly(1.0 / RATE_HZ, **bias)
+            sensor.fly(1.0 / RATE_HZ, bias_m=bias_m)
             assert abs(sensor.found.correction_m - before) <= 0.3 / RATE_HZ + 1e-9
         assert sensor.found.correction_m == pytest.approx(after, abs=0.05)
 

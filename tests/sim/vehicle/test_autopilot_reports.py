@@ -79,7 +79,9 @@ def test_every_message_can_be_built_of_what_is_not_a_number() -> None:
     made = reports(lost)
     link = mavlink.MAVLink(None, 1, 1)
     for message_id in made.streamable:
-        made.build(message_id).pack(link)
+        message = made.build(message_id)
+        assert message is not None
+        message.pack(link)
     assert built("VFR_HUD", lost).heading == 0
     assert built("GLOBAL_POSITION_INT", lost).hdg == 65_535
 

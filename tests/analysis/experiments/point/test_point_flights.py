@@ -132,7 +132,7 @@ def test_the_farthest_is_of_all_flights_that_had_settled_to_either_side() -> Non
 def test_a_moment_off_the_line_leaves_no_farthest_and_no_claim(name: str, first: bool) -> None:
     time = np.arange(0.0, 30.0, STEP_S)
     good = flight(point_off_m=0.002)
-    columns = {"point_off_m": 0.3, name: np.where(time > 29.85, nan, 0.3)}
+    columns: dict[str, Any] = {"point_off_m": 0.3, name: np.where(time > 29.85, nan, 0.3)}
     away = flight(**columns)
     peaks = e._peaks([away, good] if first else [good, away])
     assert isnan(peaks[0] if name == "point_off_m" else peaks[1])
