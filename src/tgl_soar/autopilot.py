@@ -555,9 +555,7 @@ def _guide(
         soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
     roll_setpoint = sideways_terms.output
     if laws.loops == THEIRS:
-        mode = decision.mode
-        bank = way.turning_bank(laws, mode, psi_setpoint, vehicle.heading_rad)
-        roll_setpoint = 0.0 if way.keeps_level(mode, phase) else bank
+        roll_setpoint = way.their_bank(laws, phase, decision.mode, psi_setpoint, vehicle)
     return _Guidance(
         line=line,
         tracking=tracking,

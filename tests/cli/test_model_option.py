@@ -65,8 +65,8 @@ def test_sitl_hands_it_to_the_bridge_and_says_what_is_fitted(
     assert "wind: a polynomial of degree 8, fitted at" in reported
     assert "point mass: its sink is off the airframe's polar by 0.011 m/s rms" in reported
     given = bridge_command(flown[0], tmp_path / "truth.csv", "127.0.0.1:1", "127.0.0.1:2", "")
-    assert parsed(given[3:]).simulation.model == "point_mass"
-    assert parsed(given[3:]).simulation.receiver == "rtk"
+    assert parsed(given[4:]).simulation.model == "point_mass"
+    assert parsed(given[4:]).simulation.receiver == "rtk"
 
     reported = RUN.invoke(app, ["sitl", "--out", str(tmp_path)]).output
     assert "polynomial" not in reported

@@ -417,8 +417,8 @@ def test_a_firmware_is_engaged_once_it_is_armed(
     chosen = options(tmp_path, legs=("a",), autopilot="px4", firmware=tmp_path / "px4")
     _, operator = flight_of(chosen, monkeypatch, lambda o: [stood(o, 0)])
     assert operator._when_armed
-    assert (tmp_path / "eclipson_c.toml").exists()
-    assert (tmp_path / "tunnel.toml").exists()
+    assert (tmp_path / "flown" / "eclipson_c.toml").exists()
+    assert (tmp_path / "flown" / "tunnel.toml").exists()
 
 
 # --- the plan -------------------------------------------------------------------------------------

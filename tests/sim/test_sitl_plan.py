@@ -51,9 +51,9 @@ def test_a_firmware_flies_the_airframe_file_with_its_name_and_is_told_the_hall_s
     )
     with pytest.raises(SitlError, match="there is no program"):
         fly(flown, quietly)
-    airframe = load_airframe(tmp_path / "eclipson_c.toml")
+    airframe = load_airframe(tmp_path / "flown" / "eclipson_c.toml")
     assert (airframe.autopilot.firmware, airframe.autopilot.route) == ("px4", "manual_control")
-    assert load_site(tmp_path / "tunnel_mocap.toml").forward is not None
+    assert load_site(tmp_path / "flown" / "tunnel_mocap.toml").forward is not None
 
 
 def test_an_output_folder_that_cannot_be_is_named(tmp_path: Path) -> None:
@@ -164,4 +164,4 @@ def test_the_bridge_s_aircraft_has_a_pitot_tube_unless_it_is_to_have_none(tmp_pa
     for pitot in (True, False):
         asked = options(tmp_path, pitot=pitot)
         words = bridge_command(asked, tmp_path / "truth.csv", "127.0.0.1:9", "127.0.0.1:10", "")
-        assert parsed(words[3:]).simulation.pitot == pitot
+        assert parsed(words[4:]).simulation.pitot == pitot

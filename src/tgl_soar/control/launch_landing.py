@@ -363,6 +363,15 @@ def keeps_level(mode: int, state: LaunchLandingState) -> bool:
     )
 
 
+def their_bank(
+    laws: Laws, state: LaunchLandingState, mode: int, setpoint_rad: float, vehicle: VehicleState
+) -> float:
+    """Bank [rad] that is asked of such a firmware: to turn to its heading, or none."""
+    if keeps_level(mode, state):
+        return 0.0
+    return turning_bank(laws, mode, setpoint_rad, vehicle.heading_rad)
+
+
 def turning_bank(laws: Laws, mode: int, setpoint_rad: float, heading_rad: float) -> float:
     """Bank [rad] of a firmware that turns by banking; where it beats, bounded as where we bank:
     less turns too late, and BANK_MAX may be more than an attitude is believed."""
