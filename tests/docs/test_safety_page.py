@@ -133,6 +133,7 @@ LOOKED_AT = {
     r"^the same$|line alone is held": r"state\.brake == 0\.0",
     r"refused, in words": r"words|match=",
     r"closed at once": r"fraction, .*== \(0\.0",
+    r"count as little as they scatter": r"position_sigma_m|variance_m2",
     r"as for these": r"surfaces\.elevator == .*command\.elevator",
     r"engages nothing": r"== NOTHING",
     r"no mode is requested": r"len\(flight\.asked\) == asked",

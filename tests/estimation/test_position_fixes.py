@@ -13,8 +13,10 @@ from samples import position_fix
 from tgl_soar.estimation.fix_filter import Covariance, Errors
 from tgl_soar.estimation.inertial_track import Node, new_track
 from tgl_soar.estimation.motion_state import (
+    NO_NOISE,
     NO_OFFSET,
     NO_OUTLIERS,
+    FixNoise,
     FrameShift,
     LastFix,
     MotionGains,
@@ -24,7 +26,7 @@ from tgl_soar.estimation.motion_state import (
     Reckoning,
     initial_motion,
 )
-from tgl_soar.estimation.position_fixes import take_fix
+from tgl_soar.estimation.position_fixes import NOISE_KEPT, take_fix
 from tgl_soar.geometry import SoaringFrame, ned_from_soaring, ned_vector_from_soaring
 from tgl_soar.types import PositionFix
 
@@ -280,6 +282,57 @@ def test_an_estimate_that_is_lost_is_reset_by_a_fix(sigma_m: float, lost_pp: flo
         assert (found.jump_s == 1.01) == is_lost
         assert (found.errors.covariance.pv == 0.0) == is_lost
         assert isnan(found.innovation.x_m) == is_lost
+
+
+# --- noise --------------------------------------------------------------------------------------
+
+STEP = np.array([0.02, -0.01, 0.03])  # of the fix before, more than was estimated
+LEFT = np.array([-0.01, 0.02, 0.005])  # of the same, when it had been taken in
+NOISE = FixNoise(
+    variance_m2=0.09,
+    x_m=LEFT[0],
+    y_m=LEFT[1],
+    z_m=LEFT[2],
+    step_x_m=STEP[0],
+    step_y_m=STEP[1],
+    step_z_m=STEP[2],
+    step_m2=1e-4,
+)
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize(("before_m2", "step_m2"), [(0.0, 1e-4), (0.09, 4e-4)])
+def test_a_turn_beyond_five_sigmas_of_three_fixes_is_noise(
+    axis: Triple, before_m2: float, step_m2: float
+) -> None:
+    time_s = LAST_S + 1e-4
+    state = known(noise=NOISE._replace(variance_m2=before_m2, step_m2=step_m2))
+    reach_m = 5.0 * sqrt(4e-4 + step_m2 + 6.0 * 0.01**2)
+    for factor, is_seen in ((0.98, False), (1.02, True), (-0.98, False), (-1.02, True)):
+        turn = np.array(times(axis, factor * reach_m))
+        by = LEFT + STEP + turn
+        found = take(state, off(state, time_s, by))
+        seen_m2 = (factor * reach_m) ** 2 / 18.0 if is_seen else 0.0
+        variance_m2 = max(NOISE_KEPT * before_m2, seen_m2)
+        assert found.noise.variance_m2 == pytest.approx(variance_m2)
+        assert found.noise[4:7] == pytest.approx(STEP + turn)
+        assert found.noise.step_m2 == pytest.approx(4e-4, rel=1e-3)
+        used_m2 = max(0.01**2, variance_m2)
+        left = by * used_m2 / (4e-4 + used_m2)
+        assert found.noise[1:4] == pytest.approx(left, rel=1e-3)
+        pp = 4e-4 * used_m2 / (4e-4 + used_m2)
+        assert found.errors.covariance.pp == pytest.approx(pp, rel=1e-3)
+        assert found.innovation.nis == pytest.approx(by @ by / 5e-4, rel=1e-3)  # as the fix says
+
+
+def test_noise_is_of_one_source_and_outliers_say_nothing_of_it() -> None:
+    other = take(known(noise=NOISE), off(known(), 1.1, (0.1, 0.0, 0.0), source=5))
+    assert (other.noise.variance_m2, other.noise[4:]) == (0.0, (0.0, 0.0, 0.0, 0.0))
+    assert take(known(noise=NOISE), off(known(), 1.1, (3.0, 0.0, 0.0))).noise == NOISE
+    moved = known(noise=NOISE, outliers=outliers(4, 1.05))
+    shifted = take(moved, off(known(), 1.1, (2.0, 0.0, 0.0)))
+    assert shifted.shift.x_m == pytest.approx(2.0)
+    assert shifted.noise == NO_NOISE
 
 
 # --- outliers -----------------------------------------------------------------------------------

@@ -534,9 +534,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="EST_GATE", unit="m", minimum=0.05, maximum=100, default=0.5,
-        meaning="Innovation gate: a fix no farther than this from the estimate is always accepted;"
-                " one farther than this and than five standard deviations is refused, unless"
-                " several agree.",
+        meaning="Innovation gate: a fix no farther than this from the estimate is always accepted,"
+                " and counts less the more it scatters; one farther than this and than five"
+                " standard deviations is refused, unless several agree.",
     ),
     Parameter(
         name="EST_RESET_MAX", unit="m", minimum=0, maximum=100, default=10,

@@ -40,6 +40,7 @@ from tgl_soar.estimation.attitude_track import (
 from tgl_soar.estimation.inertial_track import Track, new_track, track_at, track_moved
 from tgl_soar.estimation.motion_state import (
     FUTURE_S,
+    NO_NOISE,
     NO_OUTLIERS,
     NO_RECKONING,
     NO_SHIFT,
@@ -178,6 +179,7 @@ def _forgotten(state: MotionState, now_s: float) -> MotionState:
         imu=state.imu._replace(time_s=NAN, since_s=NAN),
         fix=state.fix._replace(time_s=NAN),
         shift=NO_SHIFT,
+        noise=NO_NOISE,
         outliers=NO_OUTLIERS,
         reckoning=NO_RECKONING,
         jump_s=NAN,
@@ -257,6 +259,7 @@ def _carried(
         offset=state.offset,
         shift=state.shift,
         innovation=state.innovation,
+        noise=state.noise,
         outliers=state.outliers,
         reckoning=state.reckoning,
         rejected=rejected,

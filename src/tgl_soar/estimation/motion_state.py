@@ -110,6 +110,19 @@ class Innovation(NamedTuple):
     nis: float  # their squares over their variance: 3 on average
 
 
+class FixNoise(NamedTuple):
+    """How fixes scatter, as they are seen to do; soaring frame."""
+
+    variance_m2: float  # on each axis; 0: no worse than they say
+    x_m: float  # the last fix taken in less what was estimated with it
+    y_m: float
+    z_m: float
+    step_x_m: float  # by how much more it had moved since the one before than was estimated
+    step_y_m: float
+    step_z_m: float
+    step_m2: float  # variance of the estimate in that step, on each axis
+
+
 class Outliers(NamedTuple):
     """Fixes that were far from the prediction and agree with each other."""
 
@@ -135,6 +148,7 @@ class MotionState(NamedTuple):
     offset: Offset
     shift: FrameShift
     innovation: Innovation
+    noise: FixNoise
     outliers: Outliers
     reckoning: Reckoning
     rejected: int  # samples refused so far
@@ -143,6 +157,16 @@ class MotionState(NamedTuple):
 
 NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
 NO_SHIFT: Final = FrameShift(0.0, 0.0, 0.0)
+NO_NOISE: Final = FixNoise(
+    variance_m2=0.0,
+    x_m=0.0,
+    y_m=0.0,
+    z_m=0.0,
+    step_x_m=0.0,
+    step_y_m=0.0,
+    step_z_m=0.0,
+    step_m2=0.0,
+)
 NO_RECKONING: Final = Reckoning(NAN, NAN, False)
 NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, gap=False, x_m=NAN, y_m=NAN, z_m=NAN)
 
@@ -175,6 +199,7 @@ def initial_motion() -> MotionState:
         offset=NO_OFFSET,
         shift=NO_SHIFT,
         innovation=Innovation(NAN, NAN, NAN, NAN),
+        noise=NO_NOISE,
         outliers=NO_OUTLIERS,
         reckoning=NO_RECKONING,
         rejected=0,

@@ -1,0 +1,180 @@
+"""Fixes that scatter more than they say and are no outliers, and those that only seem to."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from math import inf, radians, sqrt
+from statistics import fmean
+
+import pytest
+from samples import attitude_sample, imu_sample, position_fix
+
+from tgl_soar.estimation.motion import motion_quality, motion_step
+from tgl_soar.estimation.motion_state import NO_NOISE, MotionGains, MotionState, initial_motion
+from tgl_soar.estimation.position_fixes import NOISE_KEPT
+from tgl_soar.geometry import (
+    SoaringFrame,
+    ned_from_soaring,
+    ned_vector_from_soaring,
+    quaternion_from_euler,
+)
+from tgl_soar.types import (
+    GRAVITY_MPS2,
+    NAN,
+    NO_AIRSPEED,
+    NO_FIX,
+    NO_IMU,
+    NO_SURFACES,
+    AutopilotStatus,
+    Inputs,
+    MotionQuality,
+    VehicleState,
+)
+
+FRAME = SoaringFrame(3.0, -4.0, 5.0, radians(240.0))
+GAINS = MotionGains(
+    fix_sd_m=0.003,
+    velocity_sd_mps=0.05,
+    force_sd_mps2=0.2,
+    bias_sd_mps2=0.15,
+    unknown_sd_mps2=3.0,
+    fix_delay_s=0.0,
+    fix_gate_m=0.5,
+    reset_max_m=0.0,
+    use_imu=True,
+)
+DT = 0.005
+FIX_TICKS = 4
+BEGINS_S = 2.0
+SILENT = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
+UPWIND = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
+AT = (0.4, -0.1, 1.3)  # where the aircraft hangs, soaring frame
+NONE = (NAN, NAN, NAN)
+
+Triple = tuple[float, float, float]
+Errors = Callable[[int, random.Random], Triple]  # of the fix of a tick
+Flown = tuple[float, MotionState, VehicleState, MotionQuality]
+
+
+def flight(
+    errors: Errors, seed: int = 0, imu: bool = True, speed: Triple = NONE, end_s: float = 5.0
+) -> Iterator[Flown]:
+    """Tick by tick: an aircraft that hangs still, and an accelerometer with noise."""
+    noise, state = random.Random(seed), initial_motion()
+    velocity = ned_vector_from_soaring(FRAME, *speed)
+    fix, force = NO_FIX, NO_IMU
+    for k in range(1, round(end_s / DT)):
+        now = k * DT
+        if k % FIX_TICKS == 0:
+            x, y, z = (at + off for at, off in zip(AT, errors(k, noise), strict=True))
+            fix = position_fix(k, now, ned_from_soaring(FRAME, x, y, z), velocity)
+        if imu:
+            fx, fy, fz = (noise.gauss(0.0, GAINS.force_sd_mps2) for _ in range(3))
+            force = imu_sample(k, now, (fx, fy, fz - GRAVITY_MPS2))
+        inputs = Inputs(
+            time_s=now,
+            position=fix,
+            attitude=attitude_sample(k, now, UPWIND),
+            autopilot=SILENT,
+            engage=False,
+            imu=force,
+            airspeed=NO_AIRSPEED,
+            surfaces=NO_SURFACES,
+        )
+        before = state
+        state, vehicle = motion_step(GAINS, FRAME, state, inputs)
+        yield now, state, vehicle, motion_quality(GAINS, before, state, now)
+
+
+def scatter(sd_m: float) -> Errors:
+    """Noise of this size from `BEGINS_S` on, and what the filter knows of before."""
+
+    def errors(k: int, noise: random.Random) -> Triple:
+        sd = sd_m if k * DT >= BEGINS_S else GAINS.fix_sd_m
+        return noise.gauss(0.0, sd), noise.gauss(0.0, sd), noise.gauss(0.0, sd)
+
+    return errors
+
+
+def off_m(vehicle: VehicleState) -> float:
+    x, y, z = vehicle.x_m - AT[0], vehicle.y_m - AT[1], vehicle.z_m - AT[2]
+    return sqrt(x * x + y * y + z * z)
+
+
+@pytest.mark.parametrize("imu", [True, False])
+@pytest.mark.parametrize("sd_m", [0.03, 0.1, 0.3])
+def test_noise_that_is_reported_as_good_moves_the_estimate_little(imu: bool, sd_m: float) -> None:
+    """By less than half of its size; without accelerometers by less than it; and it says so."""
+    squares, normalized = [], []
+    for seed in range(8):
+        for now, _, vehicle, quality in flight(scatter(sd_m), seed, imu):
+            if now > BEGINS_S:
+                assert not quality.jumped
+                squares.append(off_m(vehicle) ** 2)
+                normalized.append(squares[-1] / quality.position_sigma_m**2 / 3.0)
+    assert sqrt(fmean(squares)) < (0.5 * sd_m if imu else 1.3 * sd_m)  # of three axes
+    assert 0.5 < fmean(normalized) < 2.5  # 1: the variance is just right
+
+
+@pytest.mark.parametrize("imu", [True, False])
+@pytest.mark.parametrize("speed", [NONE, (0.0, 0.0, 0.0)])
+def test_of_honest_fixes_none_is_seen_to_scatter(imu: bool, speed: Triple) -> None:
+    for seed in range(4):
+        for _, state, _, _ in flight(scatter(GAINS.fix_sd_m), seed, imu, speed, end_s=10.0):
+            assert state.noise.variance_m2 == 0.0
+
+
+@pytest.mark.parametrize("imu", [True, False])
+@pytest.mark.parametrize("by", [(0.45, 0.0, 0.0), (0.0, 0.2, 0.0), (0.1, -0.1, 0.3)])
+def test_what_has_moved_once_is_followed(imu: bool, by: Triple) -> None:
+    """By as much as is no outlier.  Not at once: the next fix may deny it."""
+
+    def moved(k: int, _: random.Random) -> Triple:
+        return by if k * DT >= BEGINS_S else (0.0, 0.0, 0.0)
+
+    size = sqrt(sum(part * part for part in by))
+    for now, _, vehicle, _ in flight(moved, imu=imu):
+        left = sqrt((vehicle.x_m - AT[0] - by[0]) ** 2 + (vehicle.y_m - AT[1] - by[1]) ** 2)
+        if now == pytest.approx(BEGINS_S + FIX_TICKS * DT):
+            assert left + abs(vehicle.z_m - AT[2] - by[2]) > 0.8 * size
+        if now > BEGINS_S + 1.2:
+            assert left + abs(vehicle.z_m - AT[2] - by[2]) < 0.1 * size
+
+
+def test_one_wild_fix_below_the_gate_moves_nothing() -> None:
+    wild = round(BEGINS_S / DT)
+
+    def once(k: int, _: random.Random) -> Triple:
+        return (0.45, 0.0, 0.0) if k == wild else (0.0, 0.0, 0.0)
+
+    assert max(off_m(vehicle) for now, _, vehicle, _ in flight(once) if now >= BEGINS_S) < 0.01
+
+
+def test_a_velocity_that_is_wrong_all_along_is_no_noise() -> None:
+    """The places are as good as ever, and the estimate stays with them."""
+    flown = list(flight(scatter(GAINS.fix_sd_m), speed=(0.8, 0.0, 0.0)))
+    assert max(state.noise.variance_m2 for now, state, _, _ in flown if now > 1.0) == 0.0
+    assert max(off_m(vehicle) for now, _, vehicle, _ in flown if now > 1.0) < 0.05
+
+
+def test_noise_that_has_ended_is_forgotten() -> None:
+    def over(k: int, noise: random.Random) -> Triple:
+        return scatter(0.1 if k * DT < BEGINS_S + 1.0 else GAINS.fix_sd_m)(k, noise)
+
+    variances = {now: state.noise.variance_m2 for now, state, _, _ in flight(over)}
+    after = [value for now, value in variances.items() if now > BEGINS_S + 1.0]
+    assert max(value for now, value in variances.items() if BEGINS_S < now < BEGINS_S + 1.0) > 0.01
+    assert after[40 * FIX_TICKS] < GAINS.fix_sd_m**2  # it does not count any more
+    assert after[-1] == pytest.approx(NOISE_KEPT * after[-1 - FIX_TICKS])
+
+
+def test_where_the_estimate_begins_anew_nothing_is_known_of_the_noise() -> None:
+    wide = scatter(0.1)
+    for now, state, _, _ in flight(
+        lambda k, noise: (20.0 + wide(k, noise)[0], 0.0, 0.0) if k * DT > 4.0 else wide(k, noise)
+    ):
+        if now > 4.0 and state.fix.time_s > 4.0:
+            assert state.noise == NO_NOISE
+            return
+    pytest.fail(f"never in {inf} s")
