@@ -166,15 +166,29 @@ def test_three_centimetres_are_of_all_surveys_at_3_percent_together() -> None:
     assert not e._claims(groups(usual=[once(drawn=False)]))[0].holds
 
 
-def test_the_pace_is_the_median_of_calm_air() -> None:
-    """Two metres of contour are drawn: 3.5 m in 120 s are 2 m in 68.6 s."""
-    for lasted_s, holds in ((68.5, True), (68.7, False)):
-        calm = [once(lasted_s=1.0), once(lasted_s=lasted_s), once(lasted_s=900.0)]
+def still_for(rest_s: float, lasted_s: float) -> dict[str, Any]:
+    """Looks of which the line stands still in the first ones."""
+    time_s = np.array([0.0, 0.5 * rest_s, rest_s, 0.5 * (rest_s + lasted_s), lasted_s])
+    x_m = np.array([0.6, 0.6, 0.6, 0.7, 0.6])
+    return {**LOOKS, "time_s": time_s, "line_x_m": x_m, "line_z_m": np.full(5, 1.6)}
+
+
+def test_the_pace_is_the_median_of_calm_air_and_a_longer_slide_has_no_more_rests() -> None:
+    """Two metres of contour are drawn: with 15 s of rests 3.5 m take 120 s where 2 m take 75."""
+
+    def lasting(lasted_s: float) -> SurveyedOnce:
+        return once(lasted_s=lasted_s, looks=still_for(15.0, lasted_s))
+
+    for lasted_s, holds in ((74.9, True), (75.1, False)):
+        calm = [lasting(20.0), lasting(lasted_s), lasting(900.0)]
         assert e._claims(groups(calm=calm))[1].holds is holds
-    assert e._claims(groups(calm=[once(lasted_s=60.0)]))[1].measured.startswith("105 s")
+    assert lasting(75.0).rested_s == pytest.approx(15.0)
+    assert lasting(75.0).takes_s(2.0) == pytest.approx(75.0)
+    assert e._claims(groups(calm=[lasting(55.0)]))[1].measured == "85 s, 15 of them at rest"
     none = e._claims(groups(calm=[once(drawn=False)]))[1]
     assert not none.holds
     assert none.measured.startswith("inf s")
+    assert once(drawn=False).takes_s(3.5) == inf
 
 
 def test_every_survey_at_3_percent_must_come_home_at_either_pace() -> None:

@@ -3,7 +3,8 @@
 The module's own closed loop with its own estimates, from line b of the shipped tunnel; the contour
 of the field and the airframe file's polar is what is to be drawn.  The aims were set before any
 flight: 3 cm at 3 % of turbulence, and a pace by which 3.5 m take 120 s.  The shipped tunnel has no
-3.5 m between the guards, so that the pace is what is held against it.
+3.5 m between the guards, so that the pace is what is held against it: as long a slide takes longer,
+and its rests, at its beginning and where it turns, do not.
 """
 
 from __future__ import annotations
@@ -75,6 +76,20 @@ class SurveyedOnce:
     def duration_s(self) -> float:
         """Flown."""
         return self.flight.lasted_s
+
+    @property
+    def rested_s(self) -> float:
+        """For how long of it the line stood still."""
+        looks = self.flight.looks
+        moved = np.hypot(np.diff(looks["line_x_m"]), np.diff(looks["line_z_m"]))
+        return float(np.diff(looks["time_s"])[moved == 0.0].sum())
+
+    def takes_s(self, length_m: float) -> float:
+        """How long a survey of so much contour takes at its pace; inf where none was drawn."""
+        if self.drawn is None:
+            return float("inf")
+        slid_s = self.flight.lasted_s - self.rested_s
+        return self.rested_s + slid_s * length_m / self.drawn.length_m
 
     @property
     def rms_m(self) -> float:
@@ -185,6 +200,12 @@ def run(context: Context) -> Result:
                 "over six knots and more",
                 "in 2 of 20 flights at 3 % the drift in gusts was drawn as the contour's shape",
             ),
+            ChangedThreshold(
+                "3.5 m of contour take 120 s",
+                "the whole survey as many times longer as 3.5 m are longer than what was drawn",
+                "its slides alone, and the rests as they are",
+                "a longer slide has no more rests",
+            ),
         ),
     )
 
@@ -199,12 +220,9 @@ def _claims(
         one for (turbulence, _), flown in groups.items() if turbulence == 0.03 for one in flown
     ]
     done = sum(one.flight.done and not one.flight.cut_short for one in gusty)
-    paces = [
-        one.drawn.length_m / one.flight.lasted_s
-        for one in groups[0.0, USUAL_MPS]
-        if one.drawn is not None
-    ]
-    pace = median(paces) if paces else 0.0
+    calm = [one for one in groups[0.0, USUAL_MPS] if one.drawn is not None]
+    takes_s = median(one.takes_s(LONG_M) for one in calm) if calm else float("inf")
+    rests_s = median(one.rested_s for one in calm) if calm else 0.0
     return (
         Claim(
             "at 3 % the drawn contours are within 3 cm rms of the true one",
@@ -215,8 +233,8 @@ def _claims(
         ),
         Claim(
             f"at its pace in calm air {LONG_M:g} m of contour take {LONG_S:g} s or less",
-            pace >= LONG_M / LONG_S,
-            f"{LONG_M / pace if pace else float('inf'):.0f} s, rests and turns in it",
+            takes_s <= LONG_S,
+            f"{takes_s:.0f} s, {rests_s:.0f} of them at rest",
         ),
         Claim(
             "at 3 %, at either pace, every survey comes home, and none is cut short",
