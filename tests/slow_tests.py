@@ -1,8 +1,8 @@
 """Which tests are not quick: `make test` leaves them out, `make all` runs them all, and `make ci`,
-which has twelve minutes, one of five parts of them: each commit's own, so that commits take turns.
+which has twelve minutes, one of six parts of them: each commit's own, so that commits take turns.
 
 A test of a file that is named here belongs to a part, and so does one whose group for pytest-xdist
-is named in `GROUPS`.  The parts take about as long as one another, five minutes of two processors;
+is named in `GROUPS`.  The parts take about as long as one another, four minutes of two processors;
 a new test that takes seconds goes to the part that it is of.
 """
 
@@ -27,7 +27,7 @@ LAWS = (
     "onboard/test_survey_switch.py", "sim/bridge/test_bridge.py",
     "sim/bridge/test_bridge_faults.py", "sim/test_closed_loop.py",
     "sim/test_closed_loop_lateral.py", "sim/test_frame_resets.py", "sim/test_gains_in_flight.py",
-    "sim/test_oblique_wind.py", "sim/test_wrong_measurements.py",
+    "sim/test_kept_flights.py", "sim/test_oblique_wind.py", "sim/test_wrong_measurements.py",
 )  # fmt: skip
 # What needs a compiled kernel, which takes minutes to compile.
 KERNELS = (
@@ -48,28 +48,34 @@ ANALYSIS = (
     "analysis/campaigns/test_drawn_faults.py", "analysis/campaigns/test_safety_timeline.py",
     "analysis/experiments/estimates/test_estimator_experiment.py",
     "analysis/experiments/estimates/test_estimator_flights_numbers.py",
-    "analysis/experiments/loop/test_lateral_rule_numbers.py",
-    "analysis/experiments/loop/test_latency_numbers.py",
     "analysis/experiments/paper/test_changing_air_numbers.py",
     "analysis/experiments/paper/test_line_lean_numbers.py",
     "analysis/experiments/paper/test_places_numbers.py",
     "analysis/experiments/estimates/test_wind_estimate.py",
     "analysis/experiments/estimates/test_wind_use.py", "analysis/experiments/lift/test_nowhere.py",
-    "analysis/experiments/loop/test_margin_tables.py",
     "analysis/experiments/outdoors/test_beating.py", "analysis/experiments/outdoors/test_hour.py",
     "analysis/experiments/outdoors/test_outdoors.py",
     "analysis/experiments/outdoors/test_rangefinder.py", "analysis/experiments/test_catalogue.py",
     "analysis/experiments/test_conclusions.py", "analysis/experiments/test_flights.py",
-    "analysis/experiments/test_plans.py", "analysis/experiments/test_random_aircraft.py",
+    "analysis/experiments/test_plans.py",
     "analysis/logs/test_models_from_other_logs.py", "analysis/rare/test_soaring_process.py",
     "analysis/rare/test_splitting.py", "analysis/replay/test_replay.py",
     "analysis/report/test_figures.py", "analysis/report/test_point_figure.py",
     "analysis/survey/test_contour_fit.py", "analysis/test_identification.py",
     "analysis/test_identification_equations.py",
-    "analysis/test_identification_brake.py", "analysis/test_linear_model.py",
-    "analysis/test_loop_response.py", "analysis/tuning/test_tune.py",
+    "analysis/test_identification_brake.py",
     "cli/test_experiment_commands.py", "cli/test_rare_command.py", "tools/test_compare_cfd.py",
     "tools/test_gym_baseline.py", "tools/test_mutations.py",
+)  # fmt: skip
+# Gains and margins: what is sought for an airframe, and what drawn aircraft are left.
+GAINS = (
+    "analysis/experiments/loop/test_lateral_rule_numbers.py",
+    "analysis/experiments/loop/test_latency_numbers.py",
+    "analysis/experiments/loop/test_margin_tables.py",
+    "analysis/experiments/test_random_aircraft.py", "analysis/test_linear_model.py",
+    "analysis/test_loop_response.py", "analysis/tuning/test_tune.py", "cli/test_tune_command.py",
+    "config/test_lateral_gains.py", "control/test_drawn_margins.py",
+    "control/test_pitch_design.py",
 )  # fmt: skip
 # What people do with it: commands, the page, logs and reports, several operators at once.
 PEOPLE = (
@@ -78,7 +84,7 @@ PEOPLE = (
     "cli/page/test_measured_air.py", "cli/page/test_orders.py", "cli/page/test_server.py",
     "cli/page/test_settling_preview.py", "cli/page/test_station.py", "cli/test_help.py",
     "cli/test_identify_command.py", "cli/test_init.py", "cli/test_params.py",
-    "cli/test_site_init.py", "cli/test_tune_command.py", "onboard/flightlog/test_flight_log.py",
+    "cli/test_site_init.py", "onboard/flightlog/test_flight_log.py",
     "onboard/test_link_load.py", "onboard/test_operator_mistakes.py", "onboard/test_operators.py",
     "onboard/test_other_links.py",
 )  # fmt: skip
@@ -87,6 +93,7 @@ PARTS: Final[dict[str, tuple[str, ...]]] = {
     "kernels": KERNELS,
     "processes": PROCESSES,
     "analysis": ANALYSIS,
+    "gains": GAINS,
     "people": PEOPLE,
 }
 GROUPS: Final = {
