@@ -268,7 +268,10 @@ def surveyed(job: SurveyJob, random: Random, lost: bool) -> SurveyedOnce:
             job=job, flight=flight, drawn=None, why_not="too few places", errors_m=np.zeros(0)
         )
     x = np.linspace(0.0, random.uniform(0.6, 1.4), 30)
-    flight = replace(flight, looks={"true_x_m": x, "true_z_m": 1.01 + 0.6 * x})
+    time_s = np.linspace(0.0, flight.lasted_s, 30)
+    line_x_m = 0.06 * np.maximum(time_s - 0.2 * flight.lasted_s, 0.0)  # it rests at first
+    looks = {"true_x_m": x, "true_z_m": 1.01 + 0.6 * x, "time_s": time_s, "line_x_m": line_x_m}
+    flight = replace(flight, looks={**looks, "line_z_m": np.full(30, 1.6)})
     drawn = DrawnContour(
         x_m=x,
         z_m=1.0 + 0.6 * x,

@@ -234,7 +234,7 @@ def _claims(
         Claim(
             f"at its pace in calm air {LONG_M:g} m of contour take {LONG_S:g} s or less",
             takes_s <= LONG_S,
-            f"{takes_s:.0f} s, {rests_s:.0f} of them at rest",
+            f"{takes_s:.0f} s, {rests_s:.0f} of them at rest" if calm else "none was drawn",
         ),
         Claim(
             "at 3 %, at either pace, every survey comes home, and none is cut short",
