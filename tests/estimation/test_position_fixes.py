@@ -297,6 +297,7 @@ NOISE = FixNoise(
     step_y_m=STEP[1],
     step_z_m=STEP[2],
     step_m2=1e-4,
+    step_s=0.01,
 )
 
 
@@ -312,11 +313,13 @@ def test_a_turn_beyond_five_sigmas_of_three_fixes_is_noise(
         turn = np.array(times(axis, factor * reach_m))
         by = LEFT + STEP + turn
         found = take(state, off(state, time_s, by))
-        seen_m2 = (factor * reach_m) ** 2 / 18.0 if is_seen else 0.0
+        # Of the first the others were as good as they said; else three are as bad.
+        seen_m2 = (factor * reach_m) ** 2 / (18.0 if before_m2 else 3.0) if is_seen else 0.0
         variance_m2 = max(NOISE_KEPT * before_m2, seen_m2)
         assert found.noise.variance_m2 == pytest.approx(variance_m2)
         assert found.noise[4:7] == pytest.approx(STEP + turn)
         assert found.noise.step_m2 == pytest.approx(4e-4, rel=1e-3)
+        assert found.noise.step_s == pytest.approx(1e-4)
         used_m2 = max(0.01**2, variance_m2)
         left = by * used_m2 / (4e-4 + used_m2)
         assert found.noise[1:4] == pytest.approx(left, rel=1e-3)
@@ -327,12 +330,76 @@ def test_a_turn_beyond_five_sigmas_of_three_fixes_is_noise(
 
 def test_noise_is_of_one_source_and_outliers_say_nothing_of_it() -> None:
     other = take(known(noise=NOISE), off(known(), 1.1, (0.1, 0.0, 0.0), source=5))
-    assert (other.noise.variance_m2, other.noise[4:]) == (0.0, (0.0, 0.0, 0.0, 0.0))
+    assert (other.noise.variance_m2, other.noise[4:]) == (0.0, (0.0, 0.0, 0.0, 0.0, 0.0))
     assert take(known(noise=NOISE), off(known(), 1.1, (3.0, 0.0, 0.0))).noise == NOISE
-    moved = known(noise=NOISE, outliers=outliers(4, 1.05))
+    quiet = NOISE._replace(variance_m2=0.0)
+    moved = known(noise=quiet, outliers=outliers(4, 1.05))
     shifted = take(moved, off(known(), 1.1, (2.0, 0.0, 0.0)))
     assert shifted.shift.x_m == pytest.approx(2.0)
     assert shifted.noise == NO_NOISE
+
+
+@pytest.mark.parametrize(("inertial", "worst_mps2"), [(True, 15.0), (False, 60.0)])
+@pytest.mark.parametrize(("step_s", "before_s"), [(0.1, 0.02), (0.02, 0.1)])
+def test_what_an_acceleration_may_have_made_is_no_noise(
+    inertial: bool, worst_mps2: float, step_s: float, before_s: float
+) -> None:
+    """Over the longer of two steps: 0.15 m with accelerometers, 0.6 m without."""
+    covariance = Covariance(pp=1e-6, pv=0.0, pb=0.0, vv=1e-6, vb=0.0, bb=1e-6)
+    gains = GAINS._replace(fix_gate_m=2.0, unknown_sd_mps2=0.01, force_sd_mps2=0.01)
+    for factor, is_seen in ((0.98, False), (1.02, True)):
+        state = known(
+            inertial=inertial,
+            errors=ERRORS._replace(
+                covariance=covariance, bias_x_mps2=0.0, bias_y_mps2=0.0, bias_z_mps2=0.0
+            ),
+            noise=NO_NOISE._replace(step_s=before_s),
+        )
+        time_s = LAST_S + step_s
+        by = (0.0, factor * worst_mps2 * 0.01, 0.0)
+        found = take(state, off(state, time_s, by), gains)
+        assert found.rejected == 3
+        assert (found.noise.variance_m2 > 0.0) == is_seen
+
+
+def test_what_says_the_same_again_says_nothing_of_noise() -> None:
+    state = known(noise=NOISE, fix=LastFix(2, LAST_S, 4, nan, 0))
+    new = off(state, 1.1, (0.2, 0.0, 0.0))
+    again = take(state._replace(fix=state.fix._replace(sum=sum_of(new))), new)
+    assert again.fix.repeated == 1
+    assert again.noise == NOISE._replace(variance_m2=NOISE_KEPT * NOISE.variance_m2)
+    assert take(state, new).noise.step_s == pytest.approx(0.1)
+
+
+def sum_of(new: PositionFix) -> float:
+    return new.north_m + new.east_m + new.down_m
+
+
+def test_noise_widens_the_gate_by_half_of_it_at_most() -> None:
+    for variance_m2, reach_m in ((0.04, 5.0 * sqrt(5e-4 + 0.04)), (9.0, 5.0 * sqrt(5e-4 + 0.0625))):
+        for factor, is_out in ((0.98, False), (1.02, True)):
+            state = known(noise=NOISE._replace(variance_m2=variance_m2))
+            found = take(state, off(state, LAST_S + 1e-4, (factor * reach_m, 0.0, 0.0)))
+            assert (found.rejected == 4) == is_out
+
+
+def test_where_fixes_scatter_no_frame_is_taken_for_moved() -> None:
+    noise = NOISE._replace(variance_m2=4e-4)
+    state = known(noise=noise, outliers=outliers(4, 1.05))
+    found = take(state, off(state, 1.1, (2.0, 0.0, 0.0)))
+    assert found.shift == known().shift
+    assert found.jump_s == 1.1
+
+
+def test_the_velocity_of_what_scatters_counts_as_much_less() -> None:
+    """By matrices: both variances are as many times more."""
+    state = known(noise=NOISE._replace(x_m=0.1, y_m=0.0, z_m=0.0, step_x_m=0.0))
+    new = off(state, LAST_S + 1e-4, (0.1, 0.0, 0.0), (0.2, 0.0, 0.0))
+    seen_m2 = NOISE_KEPT * 0.09
+    p = matrix(ERRORS.covariance)
+    p = p - np.outer(p[:, 0], p[0]) / (p[0, 0] + seen_m2)
+    p = p - np.outer(p[:, 1], p[1]) / (p[1, 1] + 0.05**2 * seen_m2 / 0.01**2)
+    assert take(state, new).errors.covariance == pytest.approx(moments(p), rel=2e-2)
 
 
 # --- outliers -----------------------------------------------------------------------------------

@@ -15,12 +15,17 @@ A fix may be worse than it says and yet no outlier.  From one that is taken in t
 move by c more than is estimated.  Of a source whose velocity is wrong c goes on as it was; of one
 that scatters it turns round:
 
-    |c - c_before|² > GATE_SIGMAS² (P + P_before + 6 R)    =>    R_seen = |c - c_before|² / 18
+    |c - c_before|² > GATE_SIGMAS² (P + P_before + 6 R)    and    |c - c_before| > a T²
+        =>    R_seen = |c - c_before|² / 18
 
 P the filter's variance of the position, R the source's of a fix, on each axis: three independent
-fixes, with weights 1, -2 and 1, differ so by 6 R on each of three axes.  R_seen counts instead of
-R where it is more, and fades with each fix that follows as it should (NOISE_KEPT).  So noise is not
-believed, and who has moved once, by no more than the gate, is followed within a second.
+fixes, with weights 1, -2 and 1, differ so by 6 R on each of three axes.  a is an acceleration that
+the filter may not know of, T the longer of the two steps.  R_seen counts instead of R where it is
+more, and fades with each fix that follows as it should (NOISE_KEPT).  So noise is not believed, and
+who has moved once, by no more than the gate, is followed within some fifty fixes.
+
+Where R_seen counts the velocities of that source count as much less, else they would lead alone;
+what is so explained is no outlier; and no frame is taken for moved.
 
 No aircraft jumps.  Where outliers follow fixes at once, agree, and their velocities are the
 estimated one, it is the source that has moved: its filter was reset, or its origin set again.  What
@@ -90,9 +95,14 @@ BLEED_MPS: Final = 0.05
 REPEATED: Final = 3  # the same numbers again and again are no fixes: it may have moved meanwhile
 # Of what fixes are seen to scatter so much is kept from one to the next.  Less, and by chance a few
 # that agree are believed; more, and who has moved is followed late: after a step of 0.45 m the
-# estimate is within a tenth of it in 0.9 s (0.7 s with 0.5, 1.2 s with 0.9).  With 0.8 noise of 3
-# to 30 cm leaves NEES of 1.2 to 2 with accelerometers, 0.8 to 1.4 without (tests/estimation).
+# estimate is within a tenth of it in 1.0 s at 50 Hz.  Noise of 3 to 30 cm leaves NEES of 0.9 to 1.4
+# with accelerometers, of 3 to 20 cm 0.8 to 1.3 without (tests/estimation).
 NOISE_KEPT: Final = 0.8
+# An acceleration that the filter may not know of [m/s²]: a throw by hand, or what of it the
+# accelerometers tell wrongly while the attitude is 20 to 60 degrees off.
+UNKNOWN_MPS2: Final = 60.0
+UNTOLD_MPS2: Final = 15.0
+NOISE_GATES: Final = 0.5  # so many EST_GATE at most is the noise that widens the gate
 GAP_S: Final = 0.5  # without a fix: it may have moved by EST_GATE at the 1 m/s of a slide
 
 
@@ -193,7 +203,7 @@ def _compared(
     ry = measured.y_m - oy - track_y - y
     rz = measured.z_m - oz - track_z - z
     distance = _length(rx, ry, rz)
-    reach = max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter))
+    reach = _reach(gains, scatter, state.noise)
     if same_source and (ox != 0.0 or oy != 0.0 or oz != 0.0):
         removed = _removed(_length(ox, oy, oz), time_s - last_s)
         dx, dy, dz = removed * ox, removed * oy, removed * oz
@@ -219,40 +229,69 @@ def _compared(
             )
         shift = FrameShift(shift.x_m + rx, shift.y_m + ry, shift.z_m + rz)
         velocity = track_vx + vx, track_vy + vy, track_climb + climb
-        if outliers.gap or not _is_reset(gains, covariance, measured, velocity, shift):
+        told = not outliers.gap and state.noise.variance_m2 <= measured.variance_m2
+        if not told or not _is_reset(gains, covariance, measured, velocity, shift):
             compared = state._replace(innovation=innovation, jump_s=now_s)
             return _start(gains, compared, latest, measured, place)
         rx, ry, rz = 0.0, 0.0, 0.0
+    elif same_source and latest.repeated > 0:  # nothing new is known
+        noise = state.noise._replace(variance_m2=NOISE_KEPT * state.noise.variance_m2)
     elif same_source:
-        noise = _scattered(state.noise, innovation, pp, measured.variance_m2)
+        worst_mps2 = UNTOLD_MPS2 if state.inertial else UNKNOWN_MPS2
+        step_s = time_s - last_s
+        noise = _scattered(state.noise, innovation, pp, measured.variance_m2, worst_mps2, step_s)
+    measured = _discounted(measured, noise)
 
     errors = errors_carried(state.errors, time_s, (x, y, z, vx, vy, climb), covariance)
-    errors = position_taken(errors, rx, ry, rz, max(measured.variance_m2, noise.variance_m2))
+    errors = position_taken(errors, rx, ry, rz, measured.variance_m2)
     if measured.has_velocity:
         errors = _with_velocity(errors, measured, place)
-    x, y, z = errors.x_m - x, errors.y_m - y, errors.z_m - z
+    if latest.repeated == 0:
+        noise = noise._replace(
+            x_m=rx + x - errors.x_m, y_m=ry + y - errors.y_m, z_m=rz + z - errors.z_m
+        )
     return state._replace(
         errors=errors,
         fix=latest,
         offset=offset,
         shift=shift,
         innovation=innovation,
-        noise=noise._replace(x_m=rx - x, y_m=ry - y, z_m=rz - z),
+        noise=noise,
         outliers=NO_OUTLIERS,
     )
 
 
+def _reach(gains: MotionGains, scatter_m2: float, noise: FixNoise) -> float:
+    """How far a fix may be off that is no outlier; scatter_m2: of what both say, on each axis."""
+    most_m = NOISE_GATES * gains.fix_gate_m
+    seen_m2 = min(noise.variance_m2, most_m * most_m)
+    return max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter_m2 + seen_m2))
+
+
 def _scattered(
-    before: FixNoise, innovation: Innovation, estimated_m2: float, fix_m2: float
+    before: FixNoise,
+    innovation: Innovation,
+    estimated_m2: float,
+    fix_m2: float,
+    worst_mps2: float,
+    step_s: float,
 ) -> FixNoise:
-    """The noise of fixes with one more; variances of the estimate and of the fix, on each axis."""
-    kept_m2, x, y, z, step_x, step_y, step_z, step_m2 = before
+    """The noise of fixes with one more.
+
+    estimated_m2, fix_m2: variances of the estimate and of the fix, on each axis; worst_mps2: an
+    acceleration that the filter may not know of; step_s: since the fix before.
+    """
+    kept_m2, x, y, z, step_x, step_y, step_z, step_m2, before_s = before
     rx, ry, rz, _ = innovation
     cx, cy, cz = rx - x, ry - y, rz - z
     turn_x, turn_y, turn_z = cx - step_x, cy - step_y, cz - step_z
     square = turn_x * turn_x + turn_y * turn_y + turn_z * turn_z
     explained_m2 = estimated_m2 + step_m2 + 6.0 * fix_m2
-    seen_m2 = square / 18.0 if square > GATE_SIGMAS * GATE_SIGMAS * explained_m2 else 0.0
+    longer_s = max(step_s, before_s)
+    flown_m = worst_mps2 * longer_s * longer_s
+    is_noise = square > max(GATE_SIGMAS * GATE_SIGMAS * explained_m2, flown_m * flown_m)
+    alone = kept_m2 <= fix_m2  # the first: those before it were as good as they said
+    seen_m2 = square / (3.0 if alone else 18.0) if is_noise else 0.0
     return FixNoise(
         variance_m2=max(NOISE_KEPT * kept_m2, seen_m2),
         x_m=rx,
@@ -262,6 +301,18 @@ def _scattered(
         step_y_m=cy,
         step_z_m=cz,
         step_m2=estimated_m2,
+        step_s=step_s,
+    )
+
+
+def _discounted(measured: _Measured, noise: FixNoise) -> _Measured:
+    """A fix as good as fixes are seen to be."""
+    worse = noise.variance_m2 / measured.variance_m2
+    if worse <= 1.0:
+        return measured
+    return measured._replace(
+        variance_m2=noise.variance_m2,
+        velocity_variance_m2ps2=measured.velocity_variance_m2ps2 * worse,
     )
 
 
