@@ -363,7 +363,7 @@ def test_what_an_acceleration_may_have_made_is_no_noise(
 
 
 def test_what_says_the_same_again_says_nothing_of_noise() -> None:
-    state = known(noise=NOISE, fix=LastFix(2, LAST_S, 4, nan, 0))
+    state = known(noise=NOISE)
     new = off(state, 1.1, (0.2, 0.0, 0.0))
     again = take(state._replace(fix=state.fix._replace(sum=sum_of(new))), new)
     assert again.fix.repeated == 1
