@@ -247,23 +247,25 @@ def step(laws: Laws, state: AutopilotState, inputs: Inputs) -> tuple[AutopilotSt
     estimates = estimate(laws, state.memory, inputs, airborne, state.loops.limited, dt)
     if not isfinite(inputs.time_s):  # what has taken that in would never be a number again
         estimates = estimates._replace(memory=initial_memory())
-    if flying:
-        return _fly(laws, state, inputs, estimates, dt, modes.REASON_NONE)
-    return _watch(laws, state, inputs, estimates)
+    engaged_because = modes.REASON_NONE
+    if not flying:
+        state, output = _watch(laws, state, inputs, estimates)
+        if not output.active:
+            return state, output
+        state, dt, engaged_because = _engaged(laws, state, estimates), 0.0, output.reason
+    return _fly(laws, state, inputs, estimates, dt, engaged_because)
 
 
 def _watch(
     laws: Laws, state: AutopilotState, inputs: Inputs, estimates: Estimates
 ) -> tuple[AutopilotState, Output]:
-    """Not in control: look, and engage if asked and able."""
+    """Not in control: look, and say whether it engages, which is asked for and able."""
     vehicle, target = estimates.vehicle, laws.target
     found = _conditions(laws, state, inputs, estimates) | target_conditions(laws) | FINITE | SANE
     found |= line_conditions(laws.guards, 0.0, False, False) | modes.SETTLES
     found |= way.hand_conditions(laws, estimates.vehicle, estimates.health, estimates.margins)
     supervisor, decision = _decide(laws, state, inputs, found)
     state = _idle(laws, state, inputs, estimates, supervisor, state.line, initial_forecast())
-    if modes.is_flying(decision.mode):
-        return _fly(laws, _engaged(laws, state, estimates), inputs, estimates, 0.0, decision.reason)
     tracking = LineTracking(
         x_m=target.x_m,
         z_m=target.z_m,

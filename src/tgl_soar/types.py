@@ -377,7 +377,7 @@ class Ground(NamedTuple):
     """The profile of the ground in the vertical plane, soaring frame: level beyond its ends."""
 
     points: int  # how many of them there are, with growing x; 0: it is not known
-    x_m: tuple[float, ...]  # GROUND_POINTS of them
+    x_m: tuple[float, ...]  # GROUND_POINTS of them: the last one is repeated
     z_m: tuple[float, ...]
 
 
@@ -386,14 +386,41 @@ _NOUGHTS = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NO_GROUND: Final = Ground(0, _NOUGHTS, _NOUGHTS)
 
 
-def ground_segment(ground: Ground, x_m: float) -> int:
-    """Which point of a known profile ends the stretch that x lies on: 1 … points − 1; 0 upstream
-    of the first point, points from the last one on: it is level there."""
-    if not x_m > ground.x_m[0]:  # true for NaN
-        return 0
-    if x_m >= ground.x_m[ground.points - 1]:
-        return ground.points
-    i = 1
-    while x_m > ground.x_m[i]:
-        i += 1
-    return i
+class GroundStretch(NamedTuple):
+    """A straight stretch of a profile, from one point to the next one downstream.
+
+    Beyond the profile's ends, where it is level, both are the same point.
+    """
+
+    x_m: float
+    z_m: float
+    next_x_m: float
+    next_z_m: float
+
+
+def ground_stretch(ground: Ground, x_m: float) -> GroundStretch:
+    """The stretch of a known profile on which x lies, at a point the one that ends there; NaN lies
+    upstream of all.
+
+    Written out: where numba compiles it, an index that is only known in flight costs as much as
+    hundreds of comparisons.
+    """
+    x, z = ground.x_m, ground.z_m
+    begin_x, begin_z, end_x, end_z = x[0], z[0], x[0], z[0]
+    if x_m > x[0]:
+        begin_x, begin_z, end_x, end_z = x[0], z[0], x[1], z[1]
+    if x_m > x[1]:
+        begin_x, begin_z, end_x, end_z = x[1], z[1], x[2], z[2]
+    if x_m > x[2]:
+        begin_x, begin_z, end_x, end_z = x[2], z[2], x[3], z[3]
+    if x_m > x[3]:
+        begin_x, begin_z, end_x, end_z = x[3], z[3], x[4], z[4]
+    if x_m > x[4]:
+        begin_x, begin_z, end_x, end_z = x[4], z[4], x[5], z[5]
+    if x_m > x[5]:
+        begin_x, begin_z, end_x, end_z = x[5], z[5], x[6], z[6]
+    if x_m > x[6]:
+        begin_x, begin_z, end_x, end_z = x[6], z[6], x[7], z[7]
+    if x_m >= x[7]:
+        begin_x, begin_z, end_x, end_z = x[7], z[7], x[7], z[7]
+    return GroundStretch(x_m=begin_x, z_m=begin_z, next_x_m=end_x, next_z_m=end_z)

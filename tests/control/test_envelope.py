@@ -47,7 +47,7 @@ from tgl_soar.types import (
     NO_GROUND,
     Ground,
     SurfaceCommand,
-    ground_segment,
+    ground_stretch,
 )
 
 LIMITS = EnvelopeLimits(
@@ -552,7 +552,7 @@ def test_a_corner_is_told_of_every_side() -> None:
 
 
 def ground(*points: tuple[float, float]) -> Ground:
-    padded = [*points, *[(0.0, 0.0)] * (GROUND_POINTS - len(points))]
+    padded = [*points, *[points[-1]] * (GROUND_POINTS - len(points))]
     return Ground(len(points), tuple(p[0] for p in padded), tuple(p[1] for p in padded))
 
 
@@ -603,8 +603,11 @@ def test_a_stretch_of_the_profile_is_the_one_that_it_lies_on(
 ) -> None:
     places.sort()
     x = data.draw(st.floats(-60.0, 60.0) | st.sampled_from(places))
-    i = ground_segment(ground(*((place, 0.0) for place in places)), x)
-    assert i == (len(places) if x >= places[-1] else bisect_left(places, x))
+    stretch = ground_stretch(ground(*((place, 0.5 * place) for place in places)), x)
+    i = len(places) if x >= places[-1] else bisect_left(places, x)
+    ends = places[max(0, i - 1)], places[min(i, len(places) - 1)]
+    assert (stretch.x_m, stretch.next_x_m) == ends
+    assert (stretch.z_m, stretch.next_z_m) == (0.5 * ends[0], 0.5 * ends[1])
 
 
 def test_where_no_ground_is_known_nothing_is_low() -> None:

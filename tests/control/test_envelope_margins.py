@@ -50,7 +50,7 @@ VALUES = ParameterSet().changed(
 )  # fmt: skip
 SLOPE = 0.75  # 3 to 4: a metre over it is 0.8 m off
 GROUND = Ground(
-    2, (-40.0, 40.0, *[0.0] * (GROUND_POINTS - 2)), (-30.0, 30.0, *[0.0] * (GROUND_POINTS - 2))
+    2, (-40.0, 40.0, *[40.0] * (GROUND_POINTS - 2)), (-30.0, 30.0, *[30.0] * (GROUND_POINTS - 2))
 )
 FRAME = SoaringFrame(0.0, 0.0, 0.0, 0.0)
 LAWS = laws_from(VALUES, FRAME, ground=GROUND)

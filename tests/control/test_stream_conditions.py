@@ -161,7 +161,7 @@ def test_a_nearer_ground_counts_as_clearance_and_a_farther_one_does_not(
     bound_m: float, clearance_m: float, known: bool
 ) -> None:
     """5 m over a level ground; where that is not known it is as far as the rangefinder sees it."""
-    level = Ground(2, (-50.0, 50.0, *(0.0,) * 6), (0.0,) * 8)
+    level = Ground(2, (-50.0, 50.0, *(50.0,) * 6), (0.0,) * 8)
     laws = LAWS._replace(ground=level if known else NO_GROUND)
     seen = NO_GROUND_RANGE._replace(bound_m=bound_m)
     at = STILL._replace(x_m=0.0, z_m=5.0)
@@ -173,7 +173,7 @@ def test_a_nearer_ground_counts_as_clearance_and_a_farther_one_does_not(
 
 
 def test_a_corrected_height_is_what_clearance_and_fence_go_by() -> None:
-    level = Ground(2, (-50.0, 50.0, *(0.0,) * 6), (0.0,) * 8)
+    level = Ground(2, (-50.0, 50.0, *(50.0,) * 6), (0.0,) * 8)
     fence = Fence(x_min_m=-50.0, x_max_m=50.0, y_max_m=50.0, z_min_m=4.0, z_max_m=40.0)
     laws = LAWS._replace(ground=level, fence=fence)
     at = STILL._replace(x_m=0.0, z_m=5.0)

@@ -36,8 +36,8 @@ from tgl_soar.types import NO_GROUND, Ground, RangeSample, VehicleState
 CORRECTS = RangeGains(RANGE_CORRECTS, 3.0)
 BOUNDS = RangeGains(RANGE_BOUNDS, 3.0)
 RATE_HZ = 20.0
-LEVEL = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (2.0, 2.0, *(0.0,) * 6))
-SLOPE = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (-100.0, 100.0, *(0.0,) * 6))
+LEVEL = Ground(2, (-100.0, 100.0, *(100.0,) * 6), (2.0, 2.0, *(2.0,) * 6))
+SLOPE = Ground(2, (-100.0, 100.0, *(100.0,) * 6), (-100.0, 100.0, *(100.0,) * 6))
 HEIGHT_M = 10.0
 
 

@@ -64,7 +64,7 @@ def test_what_counts_its_arrays_is_there() -> None:
         if isinstance(value, FunctionType)
     }
     assert names >= COUNTED
-    assert {"keep_sample", "delivered", "fly_given", "fly_to_look"} == COUNTED
+    assert {"keep_sample", "delivered", "fly_given", "fly_ticks"} == COUNTED
 
 
 def test_without_numba_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -403,8 +403,8 @@ def test_samples_are_plain() -> None:
 # --- a rangefinder ----------------------------------------------------------------------------
 
 EXACT_RANGE = LASER_RANGE._replace(noise_m=0.0, delay_s=0.0, lost=0.0)
-PLAIN = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (-3.0, -3.0, *(0.0,) * 6))
-RISING = Ground(2, (-100.0, 100.0, *(0.0,) * 6), (-103.0, 97.0, *(0.0,) * 6))
+PLAIN = Ground(2, (-100.0, 100.0, *(100.0,) * 6), (-3.0, -3.0, *(-3.0,) * 6))
+RISING = Ground(2, (-100.0, 100.0, *(100.0,) * 6), (-103.0, 97.0, *(97.0,) * 6))
 
 
 def looking(ground: Ground, params: RangeParams = EXACT_RANGE, seed: int = 1) -> FlownSensors:

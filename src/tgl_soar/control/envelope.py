@@ -46,7 +46,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Final, NamedTuple
 
-from tgl_soar.types import INFINITE, Ground, SurfaceCommand, ground_segment, isfinite
+from tgl_soar.types import INFINITE, Ground, SurfaceCommand, ground_stretch, isfinite
 
 PITCH_PER_SPEED: Final = 0.05  # rad for each m/s: a glider that slows down gains alpha so
 MARGIN_FULL: Final = 0.05  # rad; from here on it takes nothing of the elevator
@@ -350,13 +350,12 @@ def outside(fence: Fence, x_m: float, y_m: float, z_m: float) -> int:
 
 def clearance(ground: Ground, x_m: float, z_m: float) -> float:
     """Distance [m] to the ground below, as above; inf where it is not known."""
-    count = ground.points
-    if count == 0:
+    if ground.points == 0:
         return INFINITE
-    i = ground_segment(ground, x_m)
-    if i == 0 or i == count:
-        return z_m - ground.z_m[min(i, count - 1)]
-    length = ground.x_m[i] - ground.x_m[i - 1]
-    rise = ground.z_m[i] - ground.z_m[i - 1]
-    height = z_m - ground.z_m[i - 1] - rise * (x_m - ground.x_m[i - 1]) / length
+    stretch = ground_stretch(ground, x_m)
+    length = stretch.next_x_m - stretch.x_m
+    if not length > 0.0:
+        return z_m - stretch.z_m
+    rise = stretch.next_z_m - stretch.z_m
+    height = z_m - stretch.z_m - rise * (x_m - stretch.x_m) / length
     return height * length / sqrt(length * length + rise * rise)

@@ -77,7 +77,7 @@ from __future__ import annotations
 from math import cos, exp, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.types import NAN, Ground, RangeSample, VehicleState, ground_segment, isfinite
+from tgl_soar.types import NAN, Ground, RangeSample, VehicleState, ground_stretch, isfinite
 
 # What a rangefinder is used for: RNG_USE.
 RANGE_UNUSED: Final = 0
@@ -170,23 +170,21 @@ NO_GROUND_RANGE: Final = GroundRange(
 
 def ground_height(ground: Ground, x_m: float) -> float:
     """Height [m] of the profile at a place, level beyond its ends; 0 where it is not known."""
-    count = ground.points
-    if count == 0:
+    if ground.points == 0:
         return 0.0
-    i = ground_segment(ground, x_m)
-    if i == 0 or i == count:
-        return ground.z_m[min(i, count - 1)]
-    before_x, before_z = ground.x_m[i - 1], ground.z_m[i - 1]
-    slope = (ground.z_m[i] - before_z) / (ground.x_m[i] - before_x)
-    return before_z + slope * (x_m - before_x)
+    stretch = ground_stretch(ground, x_m)
+    length = stretch.next_x_m - stretch.x_m
+    if not length > 0.0:
+        return stretch.z_m
+    slope = (stretch.next_z_m - stretch.z_m) / length
+    return stretch.z_m + slope * (x_m - stretch.x_m)
 
 
 def ground_slope(ground: Ground, x_m: float) -> float:
     """How steeply it rises there, downstream."""
-    i = ground_segment(ground, x_m)
-    if i == 0 or i >= ground.points:
-        return 0.0
-    return (ground.z_m[i] - ground.z_m[i - 1]) / (ground.x_m[i] - ground.x_m[i - 1])
+    stretch = ground_stretch(ground, x_m)
+    length = stretch.next_x_m - stretch.x_m
+    return (stretch.next_z_m - stretch.z_m) / length if length > 0.0 else 0.0
 
 
 def beam_drop(roll_rad: float, pitch_rad: float) -> float:

@@ -18,6 +18,10 @@ numba counts who holds an array or a list, and does so again for all of them whe
 is handed over or a field of it is read: five hundred atomic operations a tick, more than half of
 its time.  Only what is called from outside counts them, once a call, and what hands them to
 functions that numba itself compiles (`COUNTED`).  The others may not make nor return any.
+
+A tuple is read by constant indices wherever every tick reads it.  Of an index that is only known in
+flight numba makes a switch, at which LLVM moves hundreds of numbers of the flight on the stack; so
+it does where branches that return a whole flight come together.
 """
 
 from __future__ import annotations
@@ -106,7 +110,7 @@ MODULES: Final = (
 )
 
 # Functions of these names, which write to a list, or a whole row of an array.
-COUNTED: Final = frozenset({"keep_sample", "delivered", "fly_given", "fly_to_look"})
+COUNTED: Final = frozenset({"keep_sample", "delivered", "fly_given", "fly_ticks"})
 Plain = TypeVar("Plain", bound=Callable[..., Any])
 
 

@@ -198,40 +198,6 @@ def acted_on(
     return world, command, held, standing
 
 
-def fly_to_look(
-    parts: Parts,
-    laws: Laws,
-    flight: Flight,
-    until_step: int,
-    target_changes: int,
-    rows: FloatArray,
-) -> tuple[Flight, Output]:
-    """`fly_ticks`, and what the module would report in the tick that is due then: a tick is pure,
-    and this one is forgotten."""
-    n, standing, reason = flight.steps, flight.standing, flight.reason
-    world, autopilot = flight.world, flight.autopilot
-    command, held = flight.command, flight.held
-    dt = 1.0 / parts.step_hz
-    while True:
-        now = n * dt
-        ticked, output = autopilot_step(laws, autopilot, inputs_at(now, world.samples, True))
-        if n >= until_step or standing != FLIES:
-            break
-        autopilot, reason = ticked, output.reason
-        rows[n] = row_of(now, world.aircraft, world.wind, output, target_changes)
-        n += 1
-        world, command, held, standing = acted_on(parts, world, n, command, held, output)
-    return Flight(
-        steps=n,
-        standing=standing,
-        reason=reason,
-        world=world,
-        command=command,
-        held=held,
-        autopilot=autopilot,
-    ), output
-
-
 def fly_ticks(
     parts: Parts,
     laws: Laws,
@@ -244,8 +210,43 @@ def fly_ticks(
 
     As `sim.closed_loop.fly`; `rows[n]`, a `Row`, is filled for the tick at step n.
     """
-    flight, _ = fly_to_look(parts, laws, flight, until_step, target_changes, rows)
-    return flight
+    n, standing, reason = flight.steps, flight.standing, flight.reason
+    world, autopilot = flight.world, flight.autopilot
+    command, held = flight.command, flight.held
+    dt = 1.0 / parts.step_hz
+    while n < until_step and standing == FLIES:
+        now = n * dt
+        autopilot, output = autopilot_step(laws, autopilot, inputs_at(now, world.samples, True))
+        reason = output.reason
+        rows[n] = row_of(now, world.aircraft, world.wind, output, target_changes)
+        n += 1
+        world, command, held, standing = acted_on(parts, world, n, command, held, output)
+    return Flight(
+        steps=n,
+        standing=standing,
+        reason=reason,
+        world=world,
+        command=command,
+        held=held,
+        autopilot=autopilot,
+    )
+
+
+def fly_to_look(
+    parts: Parts,
+    laws: Laws,
+    flight: Flight,
+    until_step: int,
+    target_changes: int,
+    rows: FloatArray,
+) -> tuple[Flight, Output]:
+    """`fly_ticks`, and what the module would report in the tick that is due then: a tick is pure,
+    and this one is forgotten."""
+    flight = fly_ticks(parts, laws, flight, until_step, target_changes, rows)
+    now = flight.steps * (1.0 / parts.step_hz)
+    inputs = inputs_at(now, flight.world.samples, True)
+    _, output = autopilot_step(laws, flight.autopilot, inputs)
+    return flight, output
 
 
 def decide_in_cells(laws_cell: Cell, state_cell: Cell, inputs: Inputs) -> LoopDecision:

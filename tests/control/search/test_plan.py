@@ -46,7 +46,7 @@ def test_it_stays_where_it_soars() -> None:
 
 def test_over_a_slope_too_the_rim_is_the_height_at_which_it_gives_up() -> None:
     """Of 45 degrees: 5.5 m over it the clearance along its normal is 3.9 m, beyond CLEAR_MIN."""
-    slope = Ground(2, (-8.0, 8.0, *(0.0,) * 6), (-6.0, 10.0, *(0.0,) * 6))
+    slope = Ground(2, (-8.0, 8.0, *(8.0,) * 6), (-6.0, 10.0, *(10.0,) * 6))
     guards = GUARDS._replace(
         ground=slope, box=Box(-8.0, 8.0, -6.0, 18.0), clearance_m=3.0, landing_m=4.5
     )

@@ -150,9 +150,8 @@ def test_over_raised_ground_the_clearance_is_the_height_that_landing_needs() -> 
 
 
 def ground_of(*points: tuple[float, float]) -> Ground:
-    rest = (0.0,) * (GROUND_POINTS - len(points))
-    x, z = zip(*points, strict=True)
-    return Ground(len(points), (*x, *rest), (*z, *rest))
+    x, z = zip(*points, *[points[-1]] * (GROUND_POINTS - len(points)), strict=True)
+    return Ground(len(points), x, z)
 
 
 HILL = load_site(shipped("sites/hill.toml")).ground
