@@ -55,11 +55,6 @@ def with_crc_extra(crc: int, crc_extra: int) -> int:
     return crc >> 8 ^ CHECKSUM_OF_BYTE[(crc ^ crc_extra) & 0xFF]
 
 
-def starts_with_frame(data: bytes) -> bool:
-    """Whether a datagram begins with a whole frame of a known message, checksum right."""
-    return first_frame(data) != b""
-
-
 def first_frame(data: bytes) -> bytes:
     """The whole frame of a known message that a datagram begins with; empty if it does not."""
     return good_frame(data, 0)
