@@ -5,7 +5,8 @@
 The same flights (30 s of the whole closed loop, every sensor aboard, 2 % of turbulence) are flown
 by this process, by local processes, by dask workers in one group of processes, and by dask workers
 in two groups with an address each, as two machines would be.  Rounds go through all of them in
-turn, so that what else the computer does meets each alike; its load stands beside each figure.
+turn, so that what else the computer does meets each alike; its load stands beside each figure, and
+so does what all processes together take of a processor, which depends less on that.
 Then one campaign is flown into its folder, and the parent's memory is looked at.
 """
 
@@ -26,6 +27,8 @@ from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+
+import psutil
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
@@ -85,12 +88,18 @@ class Timed(NamedTuple):
     workers: int
     flights: int
     seconds: float
+    processor_s: float  # of all processes: who asks, schedulers and nannies too
     load: float  # of the computer, before
 
     @property
     def per_s(self) -> float:
         """Flights a second."""
         return self.flights / self.seconds
+
+    @property
+    def processor_ms(self) -> float:
+        """Time of a processor for a flight [ms]."""
+        return 1000.0 * self.processor_s / self.flights
 
 
 class Look(NamedTuple):
@@ -110,10 +119,10 @@ def timed(name: str, executor: Executor, task: int, known: list[PlainFlight]) ->
     warm = [PlainJob(i) for i in range(2 * executor.workers)]
     run(fly_plain, warm, executor, InMemory(len(warm)), size=1)
     jobs = [PlainJob(i) for i in range(task * executor.workers)]
-    load, begun = os.getloadavg()[0], time.monotonic()
+    load, taken, begun = os.getloadavg()[0], processor_s(), time.monotonic()
     kept = InMemory(len(jobs))
     run(fly_plain, jobs, executor, kept, size=task)
-    seconds = time.monotonic() - begun
+    seconds, taken = time.monotonic() - begun, processor_s() - taken
     flown = kept.results()
     for before, now in zip(known, flown, strict=False):
         if before != now:
@@ -124,8 +133,16 @@ def timed(name: str, executor: Executor, task: int, known: list[PlainFlight]) ->
         workers=executor.workers,
         flights=len(jobs),
         seconds=seconds,
+        processor_s=taken,
         load=load,
     )
+
+
+def processor_s() -> float:
+    """Time of processors [s] that this process and all that it has started have taken so far."""
+    here = psutil.Process()
+    # User's and system's, and the same of those that have ended.
+    return sum(sum(each.cpu_times()[:4]) for each in (here, *here.children(recursive=True)))
 
 
 @contextmanager
@@ -215,29 +232,30 @@ def long_campaign(out: Path, flights: int, workers: int, resume: bool) -> list[L
     return looks
 
 
-def medians(found: Sequence[Timed]) -> dict[str, float]:
-    """Flights a second of each executor."""
+def medians(found: Sequence[Timed], of: str = "per_s") -> dict[str, float]:
+    """Flights a second, or another property, of each executor."""
     names = dict.fromkeys(each.name for each in found)
-    return {n: statistics.median(t.per_s for t in found if t.name == n) for n in names}
+    return {n: statistics.median(getattr(t, of) for t in found if t.name == n) for n in names}
 
 
 def report(found: Sequence[Timed], looks: Sequence[Look], task: int) -> str:
     """For docs/campaigns.md."""
-    rates = medians(found)
+    rates, processor = medians(found), medians(found, "processor_ms")
     lines = [
-        "| who flies | flights a second | × real time | beside as many local processes | load"
-        " before |",
-        "|---|--:|--:|--:|--:|",
+        "| who flies | flights a second | × real time | beside as many local processes | of a"
+        " processor, for a flight [ms] | beside as many local processes | load before |",
+        "|---|--:|--:|--:|--:|--:|--:|",
     ]
     for name, rate in rates.items():
-        beside = ""
+        faster = dearer = ""
         if name.startswith("dask"):
-            like = rates["local, 1 worker" if "1 worker" in name else "local, 2 workers"]
-            beside = f"{100.0 * (rate / like - 1.0):+.1f} %"
+            like = "local, 1 worker" if "1 worker" in name else "local, 2 workers"
+            faster = f"{100.0 * (rate / rates[like] - 1.0):+.1f} %"
+            dearer = f"{100.0 * (processor[name] / processor[like] - 1.0):+.1f} %"
         loads = [t.load for t in found if t.name == name]
         lines.append(
-            f"| {name} | {rate:.1f} | {rate * DURATION_S:,.0f} | {beside}"
-            f" | {min(loads):.1f} … {max(loads):.1f} |"
+            f"| {name} | {rate:.1f} | {rate * DURATION_S:,.0f} | {faster}"
+            f" | {processor[name]:.1f} | {dearer} | {min(loads):.1f} … {max(loads):.1f} |"
         )
     one, two = rates["local, 1 worker"], rates["local, 2 workers"]
     count = sum(t.name == "in line" for t in found)

@@ -22,7 +22,14 @@ def rounds() -> list[Timed]:
         "dask, 2 machines": (2, 85.5),
     }
     return [
-        Timed(name=name, workers=n, flights=1000 * n, seconds=1000 * n / rate / slow, load=load)
+        Timed(
+            name=name,
+            workers=n,
+            flights=1000 * n,
+            seconds=1000 * n / rate / slow,
+            processor_s=(21.0 if name.startswith("dask") else 20.0) * n / slow,
+            load=load,
+        )
         for slow, load in ((1.0, 0.2), (0.9, 1.1), (1.1, 0.5))
         for name, (n, rate) in rates.items()
     ]
@@ -39,10 +46,10 @@ def test_the_report_says_what_was_measured() -> None:
     assert medians(rounds())["dask, 2 workers"] == pytest.approx(88.2)
     page = report(rounds(), LOOKS, 1000)
     # Beside as many local processes: 88.2 of 90, 85.5 of 90, 47 of 48.
-    assert "| dask, 2 workers | 88.2 | 2,646 | -2.0 % | 0.2 … 1.1 |" in page
+    assert "| dask, 2 workers | 88.2 | 2,646 | -2.0 % | 21.0 | +5.0 % | 0.2 … 1.1 |" in page
     assert "| dask, 2 machines | 85.5 | 2,565 | -5.0 % |" in page
     assert "| dask, 1 worker | 47.0 | 1,410 | -2.1 % |" in page
-    assert "| in line | 50.0 | 1,500 |  |" in page
+    assert "| in line | 50.0 | 1,500 |  | 20.0 |  |" in page
     assert "1.88 times as fast" in page  # 90 / 48
     assert "10⁶ flights would take 0.39 h on 16 cores" in page  # 10⁶ / (16 · 45 · 3600)
     assert "5,001 flights were flown in 50 s: 100.0 a second" in page

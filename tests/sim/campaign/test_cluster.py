@@ -21,7 +21,7 @@ from tgl_soar.sim.campaign.journal import InMemory
 from tgl_soar.sim.campaign.provenance import libraries
 from tgl_soar.sim.campaign.run import Progress, fly_all, run
 
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 
 HERE = Path(__file__).parent
 SCHEDULER = "from distributed.cli.dask_scheduler import main; main()"
@@ -165,3 +165,28 @@ def page_faults(how: str) -> int:
 def test_a_worker_keeps_the_memory_of_a_flight_for_the_next() -> None:
     assert page_faults("as started") > 20 * 400  # asked of the system anew each time
     assert page_faults("kept") < 400
+
+
+def looked_at() -> tuple[bool, bool]:
+    """In a worker: whether dask looks at its threads before and while flights are flown."""
+    worker = distributed.get_worker()
+    looks = worker.periodic_callbacks["profile"]
+    before = looks.is_running()
+    with cluster.not_profiled():
+        deadline = time.monotonic() + 5.0
+        while looks.is_running() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        return before, looks.is_running()
+
+
+def test_while_flights_are_flown_dask_looks_at_no_thread() -> None:
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as machine,
+        distributed.Client(machine, set_as_default=False) as client,
+    ):
+        for _ in range(2):  # it is begun again after the first
+            assert client.submit(looked_at, pure=False).result(30.0) == (True, False)
+    with cluster.not_profiled():  # in no worker
+        pass

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import ctypes
 import queue
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, Final
 
@@ -143,7 +144,31 @@ def _fly_there(
             f"a worker flies with {', '.join(other)}, whose rounding is in every flight: install"
             " the same versions on all machines"
         )
-    return [fly(job) for job in jobs]
+    with not_profiled():
+        return [fly(job) for job in jobs]
+
+
+@contextmanager
+def not_profiled() -> Iterator[None]:
+    """While flights are flown dask does not look at what this worker's threads do: it would a
+    hundred times a second, which takes some 3 % of a core.  (Elsewhere than in a worker: nothing.)
+    """
+    try:
+        from distributed import get_worker
+
+        worker: Any = get_worker()
+    except (ImportError, ValueError):
+        worker = None
+    looks = worker and worker.periodic_callbacks.get("profile")  # None: it is configured away
+    if looks is None:
+        yield
+        return
+    worker.loop.add_callback(looks.stop)  # another thread's: it is asked to
+    try:
+        yield
+    finally:
+        # Another task of this worker may have begun it again.
+        worker.loop.add_callback(lambda: None if looks.is_running() else looks.start())
 
 
 @lru_cache(maxsize=1)
