@@ -3,7 +3,7 @@
 The world and what is in it
   world                air, aircraft, servos, sensors as one object;  world_step: one step of it
   aircraft, point_mass two aircraft;  flown_aircraft: what any must have;  propeller, tether, throw
-  servos, white_noise  surfaces' servos;  all that is random
+  servos, white_noise  surfaces' servos;  all that is random;  box_muller: Gaussian numbers
   met_turbulence       the turbulence of one flight
   sensors              rates, delays, noise of each;  sensor_sampling: what they measure in a flight
   faults, injection    every fault, declared;  faults at work

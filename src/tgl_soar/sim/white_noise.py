@@ -10,8 +10,9 @@ from __future__ import annotations
 import random
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from hashlib import sha512
-from math import exp, expm1, pi, sqrt
+from math import exp, expm1, sqrt
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -25,6 +26,8 @@ from tgl_soar.air.gusts import (
     dryden_start,
     roll_gust_start,
 )
+from tgl_soar.sim.box_muller import box_muller
+from tgl_soar.sim.kernel_cache import kept
 
 Row = Any  # a tuple of floats, or a row of an array
 
@@ -211,15 +214,20 @@ def _words_of(seed: str) -> NDArray[np.uint32]:
 
 
 def white_gauss(seed: str, count: int) -> FloatArray:
-    """The first `count` numbers of `random.Random(seed).gauss(0, 1)`, shape (count,).
+    """The first `count` numbers of `random.Random(seed).gauss(0, 1)`, shape (count,), to the bit.
 
     The standard library draws pairs by Box and Muller's method from a Mersenne twister, which
     numpy has too, and which both begin in the same way from 32-bit words.  To have Python begin it
-    and hand over its state takes three times as long.
+    and hand over its state takes three times as long.  Errors: ImportError without numba.
     """
     twister = _TWISTER.state
     twister.seed(_words_of(seed))
     uniform = twister.random_sample((-(-count // 2), 2))
-    angle = uniform[:, 0] * (2.0 * pi)
-    radius = np.sqrt(-2.0 * np.log(1.0 - uniform[:, 1]))
-    return np.stack([np.cos(angle) * radius, np.sin(angle) * radius], axis=1).ravel()[:count]
+    numbers = np.empty(uniform.size)
+    _compiled_box_muller()(uniform, numbers)
+    return numbers[:count]
+
+
+@cache
+def _compiled_box_muller() -> Any:
+    return kept(box_muller, (box_muller.__module__,))
