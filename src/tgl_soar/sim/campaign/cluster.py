@@ -151,7 +151,7 @@ def _fly_there(
 @contextmanager
 def not_profiled() -> Iterator[None]:
     """While flights are flown dask does not look at what this worker's threads do: it would a
-    hundred times a second, which takes some 3 % of a core.  (Elsewhere than in a worker: nothing.)
+    hundred times a second, for some hundredths of a core.  (Elsewhere than in a worker: nothing.)
     """
     try:
         from distributed import get_worker
