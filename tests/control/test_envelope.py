@@ -610,6 +610,16 @@ def test_a_stretch_of_the_profile_is_the_one_that_it_lies_on(
     assert (stretch.z_m, stretch.next_z_m) == (0.5 * ends[0], 0.5 * ends[1])
 
 
+@pytest.mark.parametrize("k", range(GROUND_POINTS))
+def test_a_point_belongs_to_the_stretch_that_ends_there(k: int) -> None:
+    stairs = ground(*((float(n), float(n % 2)) for n in range(GROUND_POINTS)))
+    at = ground_stretch(stairs, float(k))
+    before = k - 1 if 0 < k < GROUND_POINTS - 1 else k  # level upstream, and from the last one on
+    assert (at.x_m, at.next_x_m, at.z_m, at.next_z_m) == (before, k, before % 2, k % 2)
+    beyond = ground_stretch(stairs, k + 0.5)
+    assert (beyond.x_m, beyond.next_x_m) == (k, min(k + 1, GROUND_POINTS - 1))
+
+
 def test_where_no_ground_is_known_nothing_is_low() -> None:
     assert clearance(NO_GROUND, 0.0, -1e9) == INFINITE
 
