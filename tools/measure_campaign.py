@@ -119,10 +119,10 @@ def timed(name: str, executor: Executor, task: int, known: list[PlainFlight]) ->
     warm = [PlainJob(i) for i in range(2 * executor.workers)]
     run(fly_plain, warm, executor, InMemory(len(warm)), size=1)
     jobs = [PlainJob(i) for i in range(task * executor.workers)]
-    load, taken, begun = os.getloadavg()[0], processor_s(), time.monotonic()
+    load, taken_s, begun = os.getloadavg()[0], processor_s(), time.monotonic()
     kept = InMemory(len(jobs))
     run(fly_plain, jobs, executor, kept, size=task)
-    seconds, taken = time.monotonic() - begun, processor_s() - taken
+    seconds, processors_s = time.monotonic() - begun, processor_s() - taken_s
     flown = kept.results()
     for before, now in zip(known, flown, strict=False):
         if before != now:
@@ -133,7 +133,7 @@ def timed(name: str, executor: Executor, task: int, known: list[PlainFlight]) ->
         workers=executor.workers,
         flights=len(jobs),
         seconds=seconds,
-        processor_s=taken,
+        processor_s=processors_s,
         load=load,
     )
 

@@ -77,7 +77,15 @@ from __future__ import annotations
 from math import cos, exp, sin
 from typing import Final, NamedTuple
 
-from tgl_soar.types import NAN, Ground, RangeSample, VehicleState, ground_stretch, isfinite
+from tgl_soar.types import (
+    NAN,
+    Ground,
+    GroundStretch,
+    RangeSample,
+    VehicleState,
+    ground_stretch,
+    isfinite,
+)
 
 # What a rangefinder is used for: RNG_USE.
 RANGE_UNUSED: Final = 0
@@ -173,16 +181,16 @@ def ground_height(ground: Ground, x_m: float) -> float:
     if ground.points == 0:
         return 0.0
     stretch = ground_stretch(ground, x_m)
-    length = stretch.next_x_m - stretch.x_m
-    if not length > 0.0:
-        return stretch.z_m
-    slope = (stretch.next_z_m - stretch.z_m) / length
-    return stretch.z_m + slope * (x_m - stretch.x_m)
+    slope = _slope(stretch)
+    return stretch.z_m + slope * (x_m - stretch.x_m) if slope != 0.0 else stretch.z_m
 
 
 def ground_slope(ground: Ground, x_m: float) -> float:
     """How steeply it rises there, downstream."""
-    stretch = ground_stretch(ground, x_m)
+    return _slope(ground_stretch(ground, x_m))
+
+
+def _slope(stretch: GroundStretch) -> float:
     length = stretch.next_x_m - stretch.x_m
     return (stretch.next_z_m - stretch.z_m) / length if length > 0.0 else 0.0
 

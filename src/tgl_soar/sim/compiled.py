@@ -19,9 +19,9 @@ is handed over or a field of it is read: five hundred atomic operations a tick, 
 its time.  Only what is called from outside counts them, once a call, and what hands them to
 functions that numba itself compiles (`COUNTED`).  The others may not make nor return any.
 
-A tuple is read by constant indices wherever every tick reads it.  Of an index that is only known in
-flight numba makes a switch, at which LLVM moves hundreds of numbers of the flight on the stack; so
-it does where branches that return a whole flight come together.
+Of an index into a tuple that is only known in flight numba makes a switch, at which LLVM may move
+hundreds of numbers of the flight on the stack; so it may where branches that return a whole flight
+come together.  What every tick reads has constant indices, where that was seen to cost.
 """
 
 from __future__ import annotations
