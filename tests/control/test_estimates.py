@@ -52,11 +52,13 @@ def laws_with(loops: int = OURS, **changes: float) -> Laws:
 
 
 def inputs(tick: int, **changes: Any) -> Inputs:
-    """Of an aircraft that stands banked in its wind, without accelerometers or a tube."""
+    """Of an aircraft that stands banked in its wind, without accelerometers or a tube; no fix
+    repeats the one before to the bit."""
     now_s = START_S + tick * DT
+    place = (1.0 + 1e-9 * (tick % 2), 2.0, -6.0)
     given = Inputs(
         time_s=now_s,
-        position=position_fix(tick + 1, now_s, (1.0, 2.0, -6.0), (0.0, 0.0, 0.0)),
+        position=position_fix(tick + 1, now_s, place, (0.0, 0.0, 0.0)),
         attitude=attitude_sample(tick + 1, now_s, quaternion_from_euler(ROLL, PITCH, 0.0)),
         autopilot=AutopilotStatus(time_s=now_s, accepts_surfaces=True, armed=True),
         engage=True,
@@ -117,6 +119,12 @@ def test_a_position_was_confident_when_its_last_fix_was_measured() -> None:
     found = tick()
     assert found.health.position_ok
     assert found.memory.confident_s == pytest.approx(START_S + TICKS * DT)
+    # In flight the same again is no fix, on the ground it is.
+    again = inputs(TICKS + 1)._replace(position=inputs(TICKS - 1).position)
+    again = again._replace(position=again.position._replace(sequence=99, time_s=again.time_s))
+    for flying, last in ((True, TICKS - 1), (False, TICKS + 1)):
+        repeated = estimate(LAWS, KNOWN, again, flying, COMMANDED, DT)
+        assert repeated.memory.confident_s == pytest.approx(START_S + last * DT)
     # An hour later nothing has come: it stays.
     late = inputs(TICKS)._replace(time_s=START_S + 3600.0)
     lost = estimate(LAWS, found.memory, late, True, COMMANDED, DT)

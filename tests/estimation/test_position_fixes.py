@@ -681,6 +681,25 @@ def test_the_same_numbers_again_are_counted() -> None:
     assert take(take(state, still), still._replace(time_s=1.2)).fix.repeated == 1
 
 
+def test_who_moves_does_not_take_in_the_same_numbers_again() -> None:
+    """The estimate goes on as if none had come, and the last fix is as old as it is."""
+    state = known()
+    one = off(state, 1.1, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
+    first = take_fix(GAINS, FRAME, state, one, 1.1, moves=True)
+    assert first == take(state, one)
+    for k in (1, 2, 3):
+        again = one._replace(sequence=2 + k, time_s=1.1 + 0.1 * k)
+        found = take_fix(GAINS, FRAME, first, again, again.time_s, moves=True)
+        fix_now = first.fix._replace(sequence=2 + k, repeated=k)
+        assert found == first._replace(fix=fix_now)
+        first = found
+    other = off(state, 1.5, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))
+    taken = take_fix(GAINS, FRAME, first, other, 1.5, moves=True)
+    assert taken.fix.time_s == 1.5
+    assert taken.fix.repeated == 0
+    assert taken.errors.time_s == 1.5
+
+
 def test_places_that_move_are_no_repetition_whatever_their_velocities_are() -> None:
     """What moves north as fast as the velocity falls would cancel, were they subtracted."""
     one = fix(1.1, place(ERRORS, 1.1)[0], (1.0, 1.0, 1.0))

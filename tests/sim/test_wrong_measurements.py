@@ -195,6 +195,25 @@ def test_nobody_glides_blindly_into_the_ground_or_through_the_fence(seed: int) -
     assert flown.outside_s == 0.0
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_position_that_is_frozen_is_as_good_as_none(seed: int) -> None:
+    """Where it repeats itself and where nothing comes, all is flown alike, from the first tick."""
+
+    def nothing() -> Corrupt:
+        last: list[PositionFix] = []
+
+        def corrupt(inputs: Inputs) -> Inputs:
+            last.append(inputs.position)
+            return inputs._replace(position=last[0])
+
+        return corrupt
+
+    silent, frozen = fly(seed, nothing()), fly(seed, standing("position"))
+    assert [o.command for o in frozen.outputs] == [o.command for o in silent.outputs]
+    assert frozen.changes() == silent.changes()
+    assert not frozen.crashed
+
+
 def test_what_is_confident_again_in_time_is_flown_on_with() -> None:
     """Half a second without a fix is no reason to hand over."""
     last: list[PositionFix] = []

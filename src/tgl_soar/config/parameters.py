@@ -621,9 +621,9 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
-        meaning="If a source repeats the same numbers for longer than this, its age counts from"
-                " their last change; on the ground it may report that it stands still. If an"
-                " attitude jumps for longer than this, its age counts from the first jump.",
+        meaning="If a source repeats its numbers for longer than this, its age counts from their"
+                " last change (a position's at once in flight); on the ground it may say that it"
+                " stands still. An attitude that jumps for longer is as old as the first jump.",
     ),
     Parameter(
         name="AGE_ATT_MAX", unit="s", minimum=0.02, maximum=1, default=0.2,

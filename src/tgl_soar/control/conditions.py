@@ -75,7 +75,7 @@ from tgl_soar.control.supervisor import (
     SupervisorState,
 )
 from tgl_soar.control.target_line import LineState, LineTracking, e_rho
-from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INSANE
+from tgl_soar.estimation.health import AIRSPEED, DISAGREES, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import INFINITE, AirEstimate, Health, Inputs, MotionQuality, VehicleState
 
@@ -110,7 +110,6 @@ def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQual
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
         and health.position_age_s <= guards.position_age_max_s
-        and not health.faults & FROZEN  # the estimator knows no better
     )
     return (young or carried) and not quality.jumped
 

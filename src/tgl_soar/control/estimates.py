@@ -132,7 +132,7 @@ def estimate(
     known = before.motion
     if not flying:  # there is no line to be kept
         known = unshifted(known, inputs.time_s)
-    motion, vehicle = motion_step(laws.motion, laws.frame, known, inputs)
+    motion, vehicle = motion_step(laws.motion, laws.frame, known, inputs, flying)
     quality = motion_quality(laws.motion, before.motion, motion, inputs.time_s)
     watched, health = health_step(
         laws.health,

@@ -14,9 +14,10 @@ it as first-order averages over AVERAGED samples:
                 differ); attitude: a quaternion whose norm is not one
 
 A fault is reported for FAULT_S after its last occurrence.  What was frozen is as old as its last
-change.  An attitude that jumps, and jumps again before that fault is over, for longer than the
-limit of a frozen one, is as old as the first of these jumps: one of two sources is wrong, and
-nobody knows which.
+change; in flight a position is from the first repetition on, as the estimator takes none in.  An
+attitude that jumps, and jumps again before that fault is over, for longer than the limit of a
+frozen one, is as old as the first of these jumps: one of two sources is wrong, and nobody knows
+which.
 
 Attitude sources disagree where the specific force f of the accelerometers and the attitude do
 not, averaged over TILT_S: with no lasting acceleration f = −g, so that

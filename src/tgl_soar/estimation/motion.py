@@ -78,9 +78,16 @@ JUMP_S: Final = 0.4  # longer than the supervisor keeps a line over a gap
 
 
 def motion_step(
-    gains: MotionGains, frame: SoaringFrame, state: MotionState, inputs: Inputs
+    gains: MotionGains,
+    frame: SoaringFrame,
+    state: MotionState,
+    inputs: Inputs,
+    flying: bool = False,
 ) -> tuple[MotionState, VehicleState]:
-    """Take in what is new and give the state of the aircraft at inputs.time_s."""
+    """Take in what is new and give the state of the aircraft at inputs.time_s.
+
+    flying: the module is in control, so that the aircraft does not stand still.
+    """
     now = inputs.time_s
     newest = now + FUTURE_S
     if (
@@ -91,7 +98,7 @@ def motion_step(
         state = _forgotten(state, now)
     state = _carried(gains, frame, state, inputs)
     if inputs.position.sequence != state.fix.sequence:
-        state = take_fix(gains, frame, state, inputs.position, now)
+        state = take_fix(gains, frame, state, inputs.position, now, flying)
     return state, _at(state, now)
 
 

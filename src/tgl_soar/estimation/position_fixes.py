@@ -11,6 +11,9 @@ unknown.  For JUMP_S the position is then not to be flown with (`MotionQuality.j
 the law begins again from where the aircraft is and never sees the step.  Where the velocity of a
 fix is as far off, it is left out and the position is used.
 
+In flight no fix is the one before to the bit: one that is brings nothing, and is not taken in
+(`take_fix`), so that a source which is frozen is to the estimate as one that is silent.
+
 A fix may be worse than it says and yet no outlier.  From one that is taken in to the next, fixes
 move by c more than is estimated.  Of a source whose velocity is wrong c goes on as it was; of one
 that scatters it turns round:
@@ -157,9 +160,17 @@ def _is_usable(state: MotionState, fix: PositionFix, measured: _Measured, now_s:
 
 
 def take_fix(
-    gains: MotionGains, frame: SoaringFrame, state: MotionState, fix: PositionFix, now_s: float
+    gains: MotionGains,
+    frame: SoaringFrame,
+    state: MotionState,
+    fix: PositionFix,
+    now_s: float,
+    moves: bool = False,
 ) -> MotionState:
-    """The estimate with a new fix taken in or refused."""
+    """The estimate with a new fix taken in or refused.
+
+    moves: the aircraft does not stand still, so that a fix that repeats the one before is none.
+    """
     measured = _measured(gains, frame, state.shift, fix)
     time_s = measured.time_s
     if not _is_usable(state, fix, measured, now_s):
@@ -176,6 +187,8 @@ def take_fix(
         sum=total,
         repeated=state.fix.repeated + 1 if total == state.fix.sum else 0,
     )
+    if moves and latest.repeated > 0:
+        return state._replace(fix=latest._replace(time_s=state.fix.time_s, source=state.fix.source))
     return _compared(gains, state, latest, measured, now_s)
 
 
