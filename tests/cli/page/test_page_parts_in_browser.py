@@ -11,6 +11,9 @@ from free_ports import free_port
 from page_flight import TOKEN, Served, desk_on
 from page_window import PageWindow
 
+from tgl_soar.control.supervisor import is_flying
+from tgl_soar.control.supervisor_texts import MODE_NAMES
+
 pytest.importorskip("starlette", reason="the extra `page` is not installed")
 pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -61,6 +64,36 @@ def test_a_page_that_is_opened_later_reports_no_restart_that_it_did_not_see(
     window.page.evaluate(f"page.live.onFrame({frame})")
     window.until(lambda: "started again" in window.page.inner_text("#notices"))
     assert "z: refused" in window.page.inner_text("#notices")
+    window.page.close()
+
+
+def test_every_mode_has_a_level_and_colours_the_strips_where_the_module_flies_or_has_ended(
+    browser: Any, served: Served
+) -> None:
+    window = window_on(browser, served)
+    modes = range(len(MODE_NAMES))
+    flying = window.page.evaluate(
+        "(modes) => modes.map((mode) => { page.model.now.soar_mode = mode;"
+        " return page.model.flying; })",
+        list(modes),
+    )
+    assert flying == [is_flying(mode) for mode in modes]
+    # A row of each mode in turn: a band of each, in the colour of its level.
+    window.page.evaluate(
+        "(modes) => { const m = page.model; const rows = modes.map((mode) => {"
+        " const row = m.scene.rows.map(() => 0); row[0] = mode + 1;"
+        " row[m.columns.soar_mode] = mode; return row; });"
+        " page.live.onFrame({whole: true, now: {soar_mode: 4}, rows}); }",
+        list(modes),
+    )
+    colours = "[...document.querySelector('.strip svg g').children].map((b) => b.style.fill)"
+    window.until(lambda: len(window.page.evaluate(colours)) == len(MODE_NAMES))
+    drawn = window.page.evaluate(colours)
+    levels = dict.fromkeys(("capturing", "holding", "searching", "launching"), "warn")
+    levels |= dict.fromkeys(("landing", "beating"), "warn")
+    levels |= dict.fromkeys(("recovering", "breaking off", "released", "failed"), "bad")
+    levels["soaring"] = "good"
+    assert drawn == [f"var(--{levels.get(name, 'soft')})" for name in MODE_NAMES]
     window.page.close()
 
 

@@ -2,6 +2,21 @@
 // A flight fills it by frames, a recording by its slider; what draws does not know which.
 
 export const HISTORY_S = 60;
+// Of a mode by its name: its level to who watches, and whether the module is in control.
+export const MODES = {
+  ready: { level: "good", flying: false },
+  capturing: { level: "warn", flying: true },
+  soaring: { level: "good", flying: true },
+  holding: { level: "warn", flying: true },
+  recovering: { level: "bad", flying: true },
+  released: { level: "bad", flying: false },
+  failed: { level: "bad", flying: false },
+  searching: { level: "warn", flying: true },
+  launching: { level: "warn", flying: true },
+  "breaking off": { level: "bad", flying: true },
+  landing: { level: "warn", flying: true },
+  beating: { level: "warn", flying: true },
+};
 const NOTICES = 50; // that wait to be shown: a window in the background draws nothing
 
 export class Model {
@@ -35,7 +50,7 @@ export class Model {
     const number = this.now.soar_mode;
     return Number.isInteger(number) ? (this.scene.modes[number] ?? `mode ${number}`) : null;
   }
-  get flying() { return ["capturing", "soaring", "searching", "holding", "recovering", "launching", "breaking off", "landing", "beating"].includes(this.mode); }
+  get flying() { return MODES[this.mode]?.flying ?? false; }
   get line() {
     const [p, now] = [this.parameters, this.now];
     const line = this.isRecording // its parameters are those of its beginning

@@ -1,14 +1,14 @@
 // Head, gauges, entry checks, messages: what the operator reads beside the plane.
 
 import { $, fixed, known, level, make, words } from "./dom.js";
+import { MODES } from "./model.js";
 
 const SEVERITIES = ["emergency", "alert", "critical", "error", "warning", "notice", "info", "debug"];
-const MODE_LEVELS = { soaring: "good", ready: "good", capturing: "warn", searching: "warn", launching: "warn", "breaking off": "bad", landing: "warn", beating: "warn", holding: "warn", recovering: "bad", released: "bad", failed: "bad" };
 
 export function updateHead(model) {
   const mode = $("mode");
   words(mode, model.mode ?? "no mode");
-  level(mode, MODE_LEVELS[model.mode] ?? "none");
+  level(mode, MODES[model.mode]?.level ?? "none");
   const link = $("link");
   if (model.isRecording) { words(link, "recording"); level(link, "none"); }
   else if (!model.connected) { words(link, "page cut off"); level(link, "bad"); }

@@ -1,10 +1,9 @@
 // Strips of the last minute, with the modes behind them.
 
 import { draw, fixed, known, make, set, words } from "./dom.js";
-import { HISTORY_S } from "./model.js";
+import { HISTORY_S, MODES } from "./model.js";
 
 const [WIDTH, HEIGHT] = [300, 100];
-const MODES = { 3: "var(--warn)", 4: "var(--good)", 5: "var(--warn)", 6: "var(--bad)", 7: "var(--bad)", 8: "var(--bad)" };
 
 const STRIPS = [
   { title: "distance to the line", unit: "cm", span: 4, zero: true, digits: 1,
@@ -82,13 +81,18 @@ export class Strips {
     set(strip.zero, { y1: y(0), y2: y(0), visibility: low < 0 && high > 0 ? "visible" : "hidden" });
     strip.bands.replaceChildren(...bands.map(([from, to, mode]) => {
       const band = draw("rect", { x: x(from), width: Math.max(0, x(to) - x(from)), y: 0, height: HEIGHT });
-      band.style.fill = MODES[mode] ?? "var(--soft)";
+      band.style.fill = bandColour(MODES[this.model.scene.modes[mode]]);
       return band;
     }));
     const now = values.map((series) => fixed(series[series.length - 1], strip.digits)).join(" / ");
     words(strip.value, `${now} ${strip.unit}`);
     words(strip.range, `${fixed(low, strip.digits)} to ${fixed(high, strip.digits)} ${strip.unit}`);
   }
+}
+
+// What flies, or has ended, has its level's colour; before that nothing is coloured.
+function bandColour(mode) {
+  return mode && (mode.flying || mode.level === "bad") ? `var(--${mode.level})` : "var(--soft)";
 }
 
 function modeBands(read) {
