@@ -6,13 +6,13 @@ What every field is
 
 Kinds of field
   hill                 flow over a half cylinder;  panels: over any ground profile
-  polynomial           wind as a polynomial of position
+  polynomial           wind as a polynomial of position, fitted to any other field
   jet                  a board in an open wind-tunnel jet, made of freestream (the flow in two
                        dimensions) and relief (its finite width);  kept_jets: such air on disk
   grid                 wind on a grid;  grid_files reads it: CSV, `.npz`, NetCDF, VTK, OpenFOAM;
                        grid_checks: is it air?
 
 What changes with time
-  gusts                rising and falling winds, discrete gusts, Dryden turbulence
+  gusts                rising and falling winds, discrete gusts, turbulence (Dryden's spectrum)
   wind_record          a mast's record, and the air that it makes
 """

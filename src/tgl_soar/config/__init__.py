@@ -7,7 +7,8 @@ Parameters
   line_changes         setting the line: presets, staged moves, what is refused
 
 Files
-  airframe, site       the airframe file;  the site file;  strict: what their tables are made of
+  airframe             the airframe file: surfaces (flaps and spoilers too), channels, firmware
+  site                 the site file;  strict: what the tables of both are made of
   files                reading them: strict TOML to validated objects
 
 What follows from an airframe file

@@ -4,8 +4,9 @@ Bytes and messages
   open_link            a link by its name;  transports/: UDP, TCP, serial lines
   frames, decoder      bytes to messages;  inbound_messages: those that pymavlink parses
   encoder              messages to bytes;  outbound_messages: those that pymavlink packs
-  hot_frames           the messages of every tick, read and written at fixed offsets
-  messages             every MAVLink message that is used, as a named tuple
+  messages             every MAVLink message that is used, as a named tuple: a new one begins here
+  hot_frames           the messages of every tick, and those that pymavlink does not know, read and
+                       written at fixed offsets
   signing              MAVLink 2 signing;  signing_keys: the key file and its timestamp
   routing              several links: who is on which, and what is lost
 
