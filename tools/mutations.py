@@ -89,7 +89,8 @@ LEFT_OUT: Final = (
     "the seed that a generator is given, and `strict` of `zip`",
 )
 STYLES: Final = frozenset((
-    *("alpha", "capsize", "columnspacing", "dash_capstyle", "dpi", "figsize", "fontsize", "hspace"),
+    *("alpha", "capsize", "columnspacing", "dash_capstyle", "dpi", "figsize", "fontsize"),
+    *("frameon", "hspace"),
     *("handlelength", "labelpad", "labelsize", "labelspacing", "linewidth", "linewidths", "lw"),
     *("markeredgewidth", "markersize", "mew", "ms", "rotation", "wspace", "zorder"),
 ))  # fmt: skip
@@ -204,6 +205,8 @@ def _code_below(node: ast.AST) -> Iterator[ast.AST]:
             yield from (
                 each for each in node.keywords if not _is_untold(node, each.value, each.arg)
             )
+        case ast.keyword(arg=name, value=ast.Tuple(elts=sides)) if name in STYLES:  # a size
+            yield from (each for each in sides if not isinstance(each, ast.Constant))
         case ast.BinOp(op=ast.Add() | ast.Sub()) | ast.Compare():
             yield from (each for each in ast.iter_child_nodes(node) if not _is_rounding(each))
         case _:
