@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.gusts import dryden_params, roll_gust_params
+from tgl_soar.sim import white_noise
 from tgl_soar.sim.white_noise import (
     BLOCK,
     drawn_as_needed,
@@ -28,6 +29,17 @@ def test_white_numbers_are_those_of_the_standard_library(seed: str) -> None:
     gauss = random.Random(seed).gauss
     expected = [gauss(0.0, 1.0) for _ in range(4001)]
     assert white_gauss(seed, 4001).tolist() == expected
+
+
+def test_without_numba_they_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = white_gauss("7/position", 101).tolist()
+
+    def missing(*_: object) -> None:
+        raise ImportError("numba")
+
+    monkeypatch.setattr(white_noise, "kept", missing)
+    monkeypatch.setattr(white_noise, "_box_muller", white_noise._box_muller.__wrapped__)
+    assert white_gauss("7/position", 101).tolist() == compiled
 
 
 def test_a_sensors_numbers_are_the_same_drawn_before() -> None:

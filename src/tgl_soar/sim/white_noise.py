@@ -218,16 +218,20 @@ def white_gauss(seed: str, count: int) -> FloatArray:
 
     The standard library draws pairs by Box and Muller's method from a Mersenne twister, which
     numpy has too, and which both begin in the same way from 32-bit words.  To have Python begin it
-    and hand over its state takes three times as long.  Errors: ImportError without numba.
+    and hand over its state takes three times as long.
     """
     twister = _TWISTER.state
     twister.seed(_words_of(seed))
     uniform = twister.random_sample((-(-count // 2), 2))
     numbers = np.empty(uniform.size)
-    _compiled_box_muller()(uniform, numbers)
+    _box_muller()(uniform, numbers)
     return numbers[:count]
 
 
 @cache
-def _compiled_box_muller() -> Any:
-    return kept(box_muller, (box_muller.__module__,))
+def _box_muller() -> Any:
+    """Compiled, or without numba slowly: the numbers are the same."""
+    try:
+        return kept(box_muller, (box_muller.__module__,))
+    except ImportError:
+        return box_muller
