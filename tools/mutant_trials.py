@@ -31,7 +31,7 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import pytest
-from mutation_reach import HIDDEN, Reach, left_out, lines_of
+from mutation_reach import HIDDEN, Reach, left_out, lines_of, used_s
 from mutations import Mutation, changed
 from tests_reaching import Imports, names_at
 
@@ -143,7 +143,7 @@ class _Watch:
 
     def pytest_runtest_logfinish(self) -> None:
         """Ends the run once the time is used up."""
-        self.is_over = sum(os.times()[:4]) > self.until_s
+        self.is_over = used_s() > self.until_s
         if self.is_over and not self.failed:
             pytest.exit("the mutant's time is used up", returncode=0)
 
@@ -175,7 +175,7 @@ def _judge(
     sys.dont_write_bytecode = False
     sys.modules[HIDDEN] = None  # type: ignore[assignment]  # whoever looks for it finds none
     watch = _Watch(broken, slow, stem)
-    began_s = sum(os.times()[:4])
+    began_s = used_s()
     sound = [test for test in tests if test.file not in broken]
     halfway = _run(watch, sound, began_s + 0.5 * budget_s, is_slow_turn=False)
     if watch.failed:

@@ -1,12 +1,13 @@
 """Which tests execute a line of the source, and how long each takes: recorded, not supposed.
 
 `record` runs the tests of `make test` once, in the state in which they judge mutants, and lets
-`coverage` note by which test each line is executed.  That costs about three times as much
-processor time as the tests alone.  What it finds lies in `.cache/mutants/` and is never committed.
-A file of source or tests that has changed since is as good as never recorded: only the order in
-which tests are tried depends on it, and a line within a function of a recorded file that no test
-executed is left to the tests that are not recorded.  Lines of a module itself, its constants and
-tables, are executed by all that imports it: a recording says nothing of them.
+`coverage` note by which test each line is executed, and how much processor time each test takes.
+That costs about three times as much as the tests alone.  What it finds lies in `.cache/mutants/`
+and is never committed.  A file of source or tests that has changed since is as good as never
+recorded: only the order in which tests are tried depends on it, and a line within a function of a
+recorded file that no test executed is left to the tests that are not recorded.  Lines of a module
+itself, its constants and tables, are executed by all that imports it: a recording says nothing of
+them.
 
 This module is pytest's plugin for that run, too.
 """
@@ -18,6 +19,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Generator
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
@@ -125,6 +127,31 @@ def record(root: Path, jobs: int, tests: tuple[str, ...] = ()) -> Path:
     return folder
 
 
+class _ProcessorTime:
+    """Gives every phase of a test the processor time that it took, its processes' included, as its
+    duration: a mutant's tests share such time, and a busy computer makes no test slow."""
+
+    def __init__(self) -> None:
+        self._begun_s = 0.0
+
+    def pytest_runtest_logstart(self) -> None:
+        """Before its first phase."""
+        self._begun_s = used_s()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """After each phase."""
+        report = yield
+        now_s = used_s()
+        report.duration, self._begun_s = now_s - self._begun_s, now_s
+        return report
+
+
+def used_s() -> float:
+    """Processor time of this process and of those that it has waited for."""
+    return sum(os.times()[:4])
+
+
 class _Recorder:
     """Notes how long each test takes that passes."""
 
@@ -157,6 +184,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if path is None:
         return
     sys.modules[HIDDEN] = None  # type: ignore[assignment]
+    config.pluginmanager.register(_ProcessorTime())
     if not hasattr(config, "workerinput"):
         config.pluginmanager.register(_Recorder(Path(path)))
 
