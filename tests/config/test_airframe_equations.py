@@ -12,8 +12,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from tgl_soar.config.airframe import Airframe
+from tgl_soar.config.airframe import OF_THE_BRAKE, OF_THE_PROPELLER, Airframe
 from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
+from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.config.glide_limits import pitch_limits, slowest_airspeed
 from tgl_soar.config.lateral_dynamics import UNKNOWN
 from tgl_soar.config.lateral_gains import lateral_dynamics, lateral_gains
@@ -343,3 +344,16 @@ def test_a_file_lacks_what_lift_and_drag_need() -> None:
     assert "CL_alpha" in airframe({"CL0": 0.2}).model_lacks()
     assert "CL0" not in airframe({"CL0": 0.2}).model_lacks()
     assert airframe({"CL0": 0.2}).aerodynamics() == NO_AERODYNAMICS
+
+
+def test_what_no_surface_or_motor_moves_does_nothing() -> None:
+    """Coefficients of a brake and of a propeller may stand in [model] without either."""
+    shipped_model = load_airframe(shipped("airframes/eclipson_c.toml")).model
+    unmoved = dict.fromkeys((*OF_THE_BRAKE, *OF_THE_PROPELLER), 2.0)
+    known = airframe({**shipped_model, **unmoved}).aerodynamics()
+    assert known != NO_AERODYNAMICS
+    assert {name: getattr(known, name) for name in OF_THE_PROPELLER} == dict.fromkeys(
+        OF_THE_PROPELLER, 0.0
+    )
+    without = airframe(dict(shipped_model)).aerodynamics()
+    assert known == without

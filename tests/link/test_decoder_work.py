@@ -127,3 +127,17 @@ def test_of_a_line_nothing_is_left() -> None:
     while decoder.is_waiting:
         received += len(decoder.feed(b"", 10))
     assert received == 1
+
+
+def test_of_messages_and_senders_no_more_is_kept_than_some_hundreds() -> None:
+    """Whoever makes up senders fills no memory, and each of their frames is read all the same."""
+    decoder = Decoder(stream=False)
+    for sender in range(1, 251):
+        for message in (
+            mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3),
+            mavlink.MAVLink_param_request_list_message(1, 191),
+        ):
+            frame = bytes(message.pack(mavlink.MAVLink(None, sender, 9)))
+            assert len(decoder.feed(frame, 10)) == 1
+            assert len(decoder._known) <= 256
+            assert len(decoder._sources) <= 256
