@@ -22,6 +22,7 @@ whatever the tests (`LEFT_OUT` says it for the page):
 - how a picture is drawn: `STYLES`, such as the width of a line or the size of a type;
 - what guards a sum, a comparison or a minimum against rounding: numbers of 1e-6 and less there (a
   factor of 1e-6 or 1e-7 is a unit, and is changed);
+- which sign terms have in a sum of which is only asked whether it is a number (`isfinite(a + b)`);
 - which seed a generator is given;
 - `strict` of `zip`, an assertion that no input can fail.
 """
@@ -86,6 +87,7 @@ LEFT_OUT: Final = (
     "is tried everywhere)",
     "how a picture is drawn: widths of lines, sizes of type and the like",
     "numbers of 1e-6 and less that guard a sum, a comparison or a minimum against rounding",
+    "the sign of a term in a sum of which is only asked whether it is a number",
     "the seed that a generator is given, and `strict` of `zip`",
 )
 STYLES: Final = frozenset((
@@ -201,7 +203,12 @@ def _code_below(node: ast.AST) -> Iterator[ast.AST]:
             pass
         case ast.Call():
             yield node.func
-            yield from (each for each in node.args if not _is_untold(node, each))
+            only_finite = ast.unparse(node.func).rpartition(".")[2] == "isfinite"
+            for each in node.args:
+                if only_finite:
+                    yield from _terms(each)
+                elif not _is_untold(node, each):
+                    yield each
             yield from (
                 each for each in node.keywords if not _is_untold(node, each.value, each.arg)
             )
@@ -211,6 +218,16 @@ def _code_below(node: ast.AST) -> Iterator[ast.AST]:
             yield from (each for each in ast.iter_child_nodes(node) if not _is_rounding(each))
         case _:
             yield from ast.iter_child_nodes(node)
+
+
+def _terms(node: ast.expr) -> Iterator[ast.expr]:
+    """Of a sum and its sums."""
+    match node:
+        case ast.BinOp(left, ast.Add() | ast.Sub(), right):
+            yield from _terms(left)
+            yield from _terms(right)
+        case _:
+            yield node
 
 
 def _is_untold(call: ast.Call, value: ast.expr, keyword: str | None = None) -> bool:

@@ -92,6 +92,8 @@ def made(source: str) -> list[str]:
         ("x = max(a, 1e-9)", ["x = min(a, 1e-09)"]),
         ("x = tip - 1e-9", []),
         ("x = a_m < -1e-9", ["x = (a_m >= -1e-09)"]),
+        ("x = isfinite(a + 2 * b - c)", ["x = isfinite(a + (2 / b) - c)",
+                                         "x = isfinite(a + 3 * b - c)"]),
         ("x = 1e-6 * us", ["x = (1e-06 / us)", "x = 2e-06 * us"]),
     ],
 )  # fmt: skip
