@@ -389,9 +389,10 @@ def in_order(
     order: Sequence[Path],
     last: frozenset[str] = frozenset(),
 ) -> list[Tried]:
-    """Tests that execute lines of a function, by file: first the files that mirror it, then by the
-    time that those of a file take, then files that are not recorded, then those that are not quick.
-    At last the other tests of these files, as something may be computed once for several.
+    """Tests that execute lines of a function, by file: first the quick files that mirror it, then by
+    the time that those of a file take, then files that are not recorded, those that mirror it
+    before others, then those that are not quick.  At last the other tests of these files, as
+    something may be computed once for several.
 
     order: all files of tests that reach the file by imports, the nearest first.  last: those that
     are not quick.
@@ -399,10 +400,12 @@ def in_order(
     at = reach.tests_at(path, lines)
     unknown = [file for file in map(str, order) if not reach.records(file)]
 
-    def turn(file: str) -> tuple[bool, bool, bool, float]:
+    def turn(file: str) -> tuple[bool, bool, bool, bool, float]:
         seconds = sum(at.get(file, {}).values())
         mirrors = f"{Path(file).stem}_".startswith(f"test_{path.stem}_")
-        return file in last, not mirrors, file not in at, seconds
+        is_quick = file not in last
+        first = mirrors and is_quick
+        return not (mirrors or is_quick), not first, file not in at, not mirrors, seconds
 
     return [
         *(

@@ -137,9 +137,14 @@ def test_files_that_mirror_the_module_come_first_and_those_that_are_not_quick_la
     reach: Reach,
 ) -> None:
     numbers, another = f"tests/test_{BOX.stem}_numbers.py", f"tests/test_{BOX.stem}es.py"
-    order = [Path(file) for file in (another, OF_DOUBLED, numbers)]
-    tried = in_order(reach, BOX, lines_of(SOURCE, 15), order, frozenset((OF_DOUBLED,)))
-    assert [test.file for test in tried] == [numbers, another, OF_DOUBLED, OF_DOUBLED]
+    slow = f"tests/test_{BOX.stem}_flights.py"
+    order = [Path(file) for file in (another, OF_DOUBLED, slow, numbers)]
+    line, late = lines_of(SOURCE, 15), frozenset((OF_DOUBLED, slow))
+    tried = in_order(reach, BOX, line, order, late)
+    assert [test.file for test in tried] == [numbers, slow, another, OF_DOUBLED, OF_DOUBLED]
+    # One that mirrors it waits for the quick ones that are known to execute the line.
+    tried = in_order(reach, BOX, line, order, frozenset((slow,)))
+    assert [test.file for test in tried] == [numbers, OF_DOUBLED, slow, another, OF_DOUBLED]
 
 
 def test_the_files_that_are_not_quick_are_those_of_the_project(project: Path) -> None:
