@@ -389,8 +389,8 @@ def in_order(
     order: Sequence[Path],
     last: frozenset[str] = frozenset(),
 ) -> list[Tried]:
-    """Tests that execute lines of a function, by file: first the quick files that mirror it, then by
-    the time that those of a file take, then files that are not recorded, those that mirror it
+    """Tests that execute lines of a function, by file: first the quick files that mirror it, then
+    by the time that those of a file take, then files that are not recorded, those that mirror it
     before others, then those that are not quick.  At last the other tests of these files, as
     something may be computed once for several.
 
