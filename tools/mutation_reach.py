@@ -21,6 +21,7 @@ import subprocess
 import sys
 from collections.abc import Generator
 from hashlib import sha256
+from math import inf
 from pathlib import Path
 from typing import Any, Final
 
@@ -58,6 +59,12 @@ class Reach:
     def records(self, file: str) -> bool:
         """Whether tests of a file were run, and are as they were."""
         return file in self._tests and self.knows(Path(file))
+
+    def whole_s(self, file: str) -> float:
+        """How long all tests of a file take [s]; inf where they were not run, or have changed."""
+        if not self.records(file):
+            return inf
+        return sum(self.seconds[test] for test in self._tests[file])
 
     def tests_at(self, path: Path, lines: frozenset[int]) -> dict[str, dict[str, float]]:
         """Files with the tests of theirs that execute any of these lines, and how long each takes
