@@ -56,6 +56,7 @@ def test_alone_it_ticks_at_exactly_its_rate(rate_hz: float) -> None:
     pacer = Pacer(rate_hz, 0.0)
     ticks = fly(pacer, 10.0, [])
     assert len(ticks) == pytest.approx(10 * rate_hz, abs=1)
+    assert pacer.counters.ticks == len(ticks)
     times = [t for _, t in ticks]
     assert all(b - a == pytest.approx(1 / rate_hz, abs=1e-9) for a, b in itertools.pairwise(times))
     assert pacer.counters.late == pacer.counters.skipped == pacer.counters.on_sample == 0
