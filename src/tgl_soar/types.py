@@ -29,6 +29,11 @@ def isfinite(number: float) -> bool:
     return number - number == 0.0
 
 
+# Of what a fix may come from (`link.sources`), what has steps of a centimetre: GLOBAL_POSITION_INT.
+# An aircraft that hovers in calm air repeats them to the bit, for up to 1.1 s (ArduPlane 4.6.3).
+STEPPED_SOURCE: Final = 3
+
+
 class PositionFix(NamedTuple):
     """One position measurement, in local NED."""
 

@@ -25,6 +25,7 @@ from tgl_soar.types import (
     NO_AIR,
     NO_ATTITUDE,
     NO_FIX,
+    STEPPED_SOURCE,
     AutopilotStatus,
     Health,
     Inputs,
@@ -72,6 +73,8 @@ CLEAR = Margins(stall_rad=0.2, clearance_m=20.0, outside=0)
         ({"position_ok": False}, {"position_sigma_m": 0.21}, False),
         ({"position_ok": False, "position_age_s": 1.1}, {}, False),
         ({"position_ok": False, "faults": h.FROZEN}, {}, True),  # what is frozen is not taken in
+        ({"position_ok": False, "faults": h.FROZEN}, {"source": STEPPED_SOURCE}, False),
+        ({"position_ok": False, "faults": h.GAP}, {"source": STEPPED_SOURCE}, True),
         ({"position_ok": False, "faults": h.GAP}, {}, True),
         ({"position_ok": False}, {"position_sigma_m": nan}, False),
     ],

@@ -28,7 +28,7 @@ from tgl_soar.estimation.motion_state import (
 )
 from tgl_soar.estimation.position_fixes import NOISE_KEPT, take_fix
 from tgl_soar.geometry import SoaringFrame, ned_from_soaring, ned_vector_from_soaring
-from tgl_soar.types import PositionFix
+from tgl_soar.types import STEPPED_SOURCE, PositionFix
 
 FRAME = SoaringFrame(3.0, -4.0, 5.0, 2.0)
 GAINS = MotionGains(
@@ -372,7 +372,7 @@ def test_what_says_the_same_again_says_nothing_of_noise() -> None:
 
 
 def sum_of(new: PositionFix) -> float:
-    return new.north_m + new.east_m + new.down_m
+    return take(known(), new).fix.sum
 
 
 def test_noise_widens_the_gate_by_half_of_it_at_most() -> None:
@@ -698,6 +698,36 @@ def test_who_moves_does_not_take_in_the_same_numbers_again() -> None:
     assert taken.fix.time_s == 1.5
     assert taken.fix.repeated == 0
     assert taken.errors.time_s == 1.5
+
+
+def test_of_a_source_with_steps_the_same_numbers_again_are_taken_in() -> None:
+    """A hover repeats them, and without them the estimate would know less and less."""
+    state = known()
+    one = off(state, 1.1, (0.01, 0.0, 0.0), (0.0, 0.0, 0.0))._replace(source=STEPPED_SOURCE)
+    state = state._replace(fix=state.fix._replace(source=STEPPED_SOURCE))
+    first = take_fix(GAINS, FRAME, state, one, 1.1, moves=True)
+    again = one._replace(sequence=3, time_s=1.2)
+    found = take_fix(GAINS, FRAME, first, again, 1.2, moves=True)
+    assert found == take(first, again)
+    assert found.fix.repeated == 1
+    assert found.errors.time_s == found.fix.time_s == 1.2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_steps_of_a_centimetre_cancel(seed: int) -> None:
+    """One north and one back east are no repetition, in places or velocities."""
+    rng = np.random.default_rng(seed)
+    names = [f"{axis}_m" for axis in ("north", "east", "down")]
+    names += [f"velocity_{axis}_mps" for axis in ("north", "east", "down")]
+    for _ in range(200):
+        steps = rng.integers(-40, 40, 6)
+        other = steps + rng.integers(-2, 3, 6)
+        fixes = []
+        for k, each in enumerate((steps, other)):
+            numbers: dict[str, Any] = dict(zip(names, (0.01 * each).tolist(), strict=True))
+            fixes.append(fix(1.1 + 0.1 * k, (0.0, 0.0, 0.0))._replace(**numbers))
+        found = take(take(known(), fixes[0]), fixes[1])
+        assert (found.fix.repeated > 0) == bool((steps == other).all())
 
 
 def test_places_that_move_are_no_repetition_whatever_their_velocities_are() -> None:

@@ -14,6 +14,8 @@ from tgl_soar.link.sources import (
     DISTRUST_S,
     DWELL_S,
     FROZEN_S,
+    FROZEN_STEPPED_S,
+    GLOBAL_POSITION,
     LOCAL_POSITION,
     MOCAP,
     NUMBERS,
@@ -190,6 +192,19 @@ def test_a_frozen_source_is_left_and_taken_back_when_it_has_long_thawed() -> Non
     ((back, chosen),) = hang(sources, 10.0, 15.0)
     assert chosen == LOCAL_POSITION
     assert back == pytest.approx(10.0 + RETURN_S, abs=0.02)
+
+
+def test_a_source_with_steps_may_repeat_itself_as_long_as_a_calm_hover_does() -> None:
+    sources = PositionSources((GLOBAL_POSITION, MOCAP))
+    left_s = None
+    for i in range(600):
+        now = 0.01 * i
+        held = moving_fix(min(now, 2.0))
+        sources.take(GLOBAL_POSITION, held._replace(time_s=now, sequence=i + 1), now)
+        sources.take(MOCAP, moving_fix(now), now)
+        if left_s is None and sources.chosen == MOCAP:
+            left_s = now
+    assert left_s == pytest.approx(2.0 + FROZEN_STEPPED_S, abs=0.03)
 
 
 def test_a_source_that_reckons_is_left_for_one_that_measures_and_kept_where_there_is_none() -> None:

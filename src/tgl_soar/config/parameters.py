@@ -622,8 +622,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     Parameter(
         name="AGE_FROZEN", unit="s", minimum=0.1, maximum=10, default=1.0,
         meaning="If a source repeats its numbers for longer than this, its age counts from their"
-                " last change (a position's at once in flight); on the ground it may say that it"
-                " stands still. An attitude that jumps for longer is as old as the first jump.",
+                " last change (in flight a position's at once, but for global_position); on the"
+                " ground it may stand still. Of an attitude that jumps: from the first jump.",
     ),
     Parameter(
         name="AGE_ATT_MAX", unit="s", minimum=0.02, maximum=1, default=0.2,

@@ -75,9 +75,17 @@ from tgl_soar.control.supervisor import (
     SupervisorState,
 )
 from tgl_soar.control.target_line import LineState, LineTracking, e_rho
-from tgl_soar.estimation.health import AIRSPEED, DISAGREES, INSANE
+from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import INFINITE, AirEstimate, Health, Inputs, MotionQuality, VehicleState
+from tgl_soar.types import (
+    INFINITE,
+    STEPPED_SOURCE,
+    AirEstimate,
+    Health,
+    Inputs,
+    MotionQuality,
+    VehicleState,
+)
 
 UNCERTAINTY_MAX: Final = 3.0  # times EST_SD_MAX: more uncertain than this no fix is young enough
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
@@ -110,6 +118,8 @@ def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQual
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
         and health.position_age_s <= guards.position_age_max_s
+        # What is frozen is not taken in, but for this source: of it the estimator knows no better.
+        and not (health.faults & FROZEN and quality.source == STEPPED_SOURCE)
     )
     return (young or carried) and not quality.jumped
 

@@ -12,7 +12,8 @@ the law begins again from where the aircraft is and never sees the step.  Where 
 fix is as far off, it is left out and the position is used.
 
 In flight no fix is the one before to the bit: one that is brings nothing, and is not taken in
-(`take_fix`), so that a source which is frozen is to the estimate as one that is silent.
+(`take_fix`), so that a source which is frozen is to the estimate as one that is silent.  Of
+`STEPPED_SOURCE` each is taken in: a hover repeats half of them, and says by it that it hovers.
 
 A fix may be worse than it says and yet no outlier.  From one that is taken in to the next, fixes
 move by c more than is estimated.  Of a source whose velocity is wrong c goes on as it was; of one
@@ -81,7 +82,7 @@ from tgl_soar.estimation.motion_state import (
     track_errors_at,
 )
 from tgl_soar.geometry import SoaringFrame, soaring_from_ned, soaring_vector_from_ned
-from tgl_soar.types import PositionFix, isfinite
+from tgl_soar.types import STEPPED_SOURCE, PositionFix, isfinite
 
 GATE_SIGMAS: Final = 5.0
 GATE_MPS: Final = 1.0  # floor of the gate of velocities
@@ -106,6 +107,9 @@ NOISE_KEPT: Final = 0.8
 UNKNOWN_MPS2: Final = 60.0
 UNTOLD_MPS2: Final = 15.0
 NOISE_GATES: Final = 0.5  # so many EST_GATE at most is the noise that widens the gate
+# Of a sum that tells whether any of six numbers has changed: roots of prime numbers, of which no
+# whole multiples cancel.
+_WEIGHTS: Final = (sqrt(2.0), sqrt(3.0), sqrt(5.0), sqrt(7.0), sqrt(11.0))
 GAP_S: Final = 0.5  # without a fix: it may have moved by EST_GATE at the 1 m/s of a slide
 
 
@@ -169,7 +173,8 @@ def take_fix(
 ) -> MotionState:
     """The estimate with a new fix taken in or refused.
 
-    moves: the aircraft does not stand still, so that a fix that repeats the one before is none.
+    moves: the aircraft does not stand still, so that a fix that repeats the one before is none,
+    where it has no steps.
     """
     measured = _measured(gains, frame, state.shift, fix)
     time_s = measured.time_s
@@ -187,7 +192,7 @@ def take_fix(
         sum=total,
         repeated=state.fix.repeated + 1 if total == state.fix.sum else 0,
     )
-    if moves and latest.repeated > 0:
+    if moves and latest.repeated > 0 and fix.source != STEPPED_SOURCE:
         return state._replace(fix=latest._replace(time_s=state.fix.time_s, source=state.fix.source))
     return _compared(gains, state, latest, measured, now_s)
 
@@ -451,7 +456,9 @@ def _outliers(
 
 
 def _sum(fix: PositionFix) -> float:
-    """Of what differs from fix to fix, as far as it is known."""
-    total = fix.north_m + fix.east_m + fix.down_m
-    speed = fix.velocity_north_mps + fix.velocity_east_mps + fix.velocity_down_mps
+    """Of what differs from fix to fix, as far as it is known; no two fixes that differ by whole
+    centimetres have the same."""
+    total = fix.north_m + _WEIGHTS[0] * fix.east_m + _WEIGHTS[1] * fix.down_m
+    vn, ve, vd = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
+    speed = _WEIGHTS[2] * vn + _WEIGHTS[3] * ve + _WEIGHTS[4] * vd
     return total + speed if isfinite(speed) else total

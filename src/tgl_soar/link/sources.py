@@ -9,7 +9,8 @@ health gives the position, all others are only monitored:
     taken back  a better one that has been without such a gap for `return_s`, and no earlier
                 than `DWELL_S` after the last change
 
-Suspect is a source that repeats itself bit for bit for `FROZEN_S`, without reporting a standstill,
+Suspect is a source that repeats itself bit for bit for `FROZEN_S` (`FROZEN_STEPPED_S` where its
+numbers have steps that an aircraft in calm air stays within), without reporting a standstill,
 while another one changes; and for `DISTRUST_S` one that the module has found not sane.  Where
 nothing better is received it is still used: whether to fly with it is not decided here.
 
@@ -27,11 +28,11 @@ from math import inf, sqrt
 from typing import Final
 
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
-from tgl_soar.types import NAN, NO_FIX, PositionFix, isfinite
+from tgl_soar.types import NAN, NO_FIX, STEPPED_SOURCE, PositionFix, isfinite
 
 LOCAL_POSITION: Final = 1
 ODOMETRY: Final = 2
-GLOBAL_POSITION: Final = 3
+GLOBAL_POSITION: Final = STEPPED_SOURCE
 VISION: Final = 4
 MOCAP: Final = 5
 NAMES: Final = {
@@ -49,6 +50,7 @@ SILENCE_S: Final = 0.15  # before AGE_POS_HOLD makes the laws hold still
 RETURN_S: Final = 2.0
 DWELL_S: Final = 2.0
 FROZEN_S: Final = 0.2  # the same bits for so long
+FROZEN_STEPPED_S: Final = 2.0  # the same of `GLOBAL_POSITION`, which a calm hover repeats for 1.1 s
 FROZEN_FIXES: Final = 5  # and so often: a slow source may repeat itself once
 DISTRUST_S: Final = 10.0  # after it was found not sane
 PERIODS: Final = 3.0  # of its own that a slow source may be silent for
@@ -68,6 +70,7 @@ class SourceHealth:
         "changed_s",
         "distrusted_s",
         "fixes",
+        "frozen_s",
         "future",
         "late",
         "newest",
@@ -81,7 +84,9 @@ class SourceHealth:
         "steady_s",
     )
 
-    def __init__(self) -> None:
+    def __init__(self, frozen_s: float) -> None:
+        """frozen_s: it repeats itself who does for so long."""
+        self.frozen_s = frozen_s
         self.fixes = 0  # usable ones
         self.reckons = False  # the newest says that it is dead reckoned
         self.not_finite = 0
@@ -111,7 +116,7 @@ class SourceHealth:
     @property
     def repeats_itself(self) -> bool:
         """Whether it only repeats itself."""
-        return self.repeats >= FROZEN_FIXES and self.newest_s - self.changed_s >= FROZEN_S
+        return self.repeats >= FROZEN_FIXES and self.newest_s - self.changed_s >= self.frozen_s
 
     def forget_time(self) -> None:
         """The clock is another one."""
@@ -136,7 +141,10 @@ class PositionSources:
         self.chosen = 0  # its number; 0: none yet
         self.switches = 0  # from one to another
         self.unused = 0  # fixes of sources that are not in the order
-        self.health = {source: SourceHealth() for source in order}
+        self.health = {
+            source: SourceHealth(FROZEN_STEPPED_S if source == GLOBAL_POSITION else FROZEN_S)
+            for source in order
+        }
         self.notices: list[tuple[int, str]] = []  # (severity, text)
         self._order = tuple(order)
         self._silence_s = silence_s
