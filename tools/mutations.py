@@ -91,11 +91,14 @@ LEFT_OUT: Final = (
     "the seed that a generator is given, and `strict` of `zip`",
 )
 STYLES: Final = frozenset((
-    *("alpha", "capsize", "columnspacing", "dash_capstyle", "dpi", "figsize", "fontsize"),
+    *("alpha", "aspect", "capsize", "columnspacing", "dash_capstyle", "dpi", "fontsize"),
     *("frameon", "hspace"),
     *("handlelength", "labelpad", "labelsize", "labelspacing", "linewidth", "linewidths", "lw"),
     *("markeredgewidth", "markersize", "mew", "ms", "rotation", "wspace", "zorder"),
 ))  # fmt: skip
+# What these are given is style, too: of a picture's size whatever it is computed of.
+_STYLING: Final = frozenset(("grid", "margins", "set_visible", "tick_params"))
+_SIZE: Final = "figsize"
 _GENERATORS: Final = frozenset(("Random", "default_rng"))
 _ROUNDING: Final = 1e-6
 # A name that is or ends so counts, numbers things, or is what somebody gives or may give: the
@@ -212,8 +215,6 @@ def _code_below(node: ast.AST) -> Iterator[ast.AST]:
             yield from (
                 each for each in node.keywords if not _is_untold(node, each.value, each.arg)
             )
-        case ast.keyword(arg=name, value=ast.Tuple(elts=sides)) if name in STYLES:  # a size
-            yield from (each for each in sides if not isinstance(each, ast.Constant))
         case ast.BinOp(op=ast.Add() | ast.Sub()) | ast.Compare():
             yield from (each for each in ast.iter_child_nodes(node) if not _is_rounding(each))
         case _:
@@ -234,8 +235,10 @@ def _is_untold(call: ast.Call, value: ast.expr, keyword: str | None = None) -> b
     """Whether no user can tell what a call is given from another number or truth."""
     plain = all(isinstance(each, ast.Constant | ast.Tuple | ast.Load) for each in ast.walk(value))
     name = ast.unparse(call.func).rpartition(".")[2]
-    return (plain and (keyword in STYLES or keyword == "seed" or name in _GENERATORS)) or (
-        (name == "zip" and keyword == "strict")
+    untold = keyword in STYLES or keyword == "seed" or name in _GENERATORS or name in _STYLING
+    return (plain and untold) or (
+        keyword == _SIZE
+        or (name == "zip" and keyword == "strict")
         or (name in ("min", "max", "minimum", "maximum") and _is_rounding(value))
     )
 

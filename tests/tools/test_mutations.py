@@ -79,10 +79,9 @@ def made(source: str) -> list[str]:
             "pass",
         ]),
         ("x = f(lw=2.0 * a)", ["x = f(lw=(2.0 / a))", "x = f(lw=4.0 * a)"]),
-        ("x = f(figsize=(9.0, 2 * a), frameon=False)", [
-            "x = f(figsize=(9.0, (2 / a)), frameon=False)",
-            "x = f(figsize=(9.0, 3 * a), frameon=False)",
-        ]),
+        ("x = f(figsize=(9.0, 2 * a), frameon=False)", []),
+        ("x = axes.grid(False)", []),
+        ("x = axes.plot(False)", ["x = axes.plot(True)"]),
         ("def g(): f(size=(9.0, a))", ["def g(): f(size=(18.0, a))", "def g(): pass"]),
         ("x = np.random.default_rng(7)", []),
         ("x = Random(seed)", []),
