@@ -90,6 +90,15 @@ def test_what_is_unsigned_or_signed_by_others_is_not() -> None:
     assert ours.accepts(good)  # none of all that has corrupted the stream
 
 
+def test_who_is_excused_is_counted_apart_from_who_is_refused() -> None:
+    ours = signing()
+    plain = frame(peer(None))
+    assert [ours.accepts(plain, excused=excused) for excused in (True, False, True)] == [
+        True, False, True,
+    ]  # fmt: skip
+    assert (ours.counters.excused, ours.counters.unsigned, ours.counters.good) == (2, 1, 0)
+
+
 def test_a_forged_frame_from_the_future_does_not_shut_the_operator_out() -> None:
     ours = signing()
     ours.accepts(frame(peer(OTHER_KEY, ticks=NOW_TICKS + 10**9)))
