@@ -33,7 +33,7 @@ from tgl_soar.control.supervisor import CAPTURING, HOLDING, RECOVERING, RELEASED
 from tgl_soar.geometry import quaternion_from_euler, quaternion_product
 from tgl_soar.sim.closed_loop import ClosedLoop
 from tgl_soar.sim.world import build_field, make_world
-from tgl_soar.types import Inputs, PositionFix
+from tgl_soar.types import STEPPED_SOURCE, Inputs, PositionFix
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 AROUND_LINE_B = {
@@ -212,6 +212,37 @@ def test_a_position_that_is_frozen_is_as_good_as_none(seed: int) -> None:
     assert [o.command for o in frozen.outputs] == [o.command for o in silent.outputs]
     assert frozen.changes() == silent.changes()
     assert not frozen.crashed
+
+
+class InSteps:
+    """As GLOBAL_POSITION_INT: numbers in steps, so wide that the noise of these fixes, unlike an
+    autopilot's estimate, hides within them.  Counts those that repeat the one before."""
+
+    def __init__(self, step_m: float, step_mps: float) -> None:
+        self._steps = {"_m": step_m, "_mps": step_mps}
+        self.repeated = 0
+        self._last: tuple[float, ...] = ()
+
+    def __call__(self, inputs: Inputs) -> Inputs:
+        fix = inputs.position
+        stepped: dict[str, Any] = {
+            name: step * round(getattr(fix, name) / step)
+            for name in fix._fields
+            for ending, step in self._steps.items()
+            if name.endswith(ending) and name != "sigma_m"
+        }
+        self.repeated += self._last == tuple(stepped.values())
+        self._last = tuple(stepped.values())
+        return inputs._replace(position=fix._replace(source=STEPPED_SOURCE, **stepped))
+
+
+def test_a_hover_in_calm_air_repeats_what_has_steps_and_is_flown_on() -> None:
+    steps = InSteps(0.02, 0.1)
+    flown = fly(1, steps, turbulence=1e-6)
+    assert not flown.crashed
+    assert steps.repeated > 0.5 * len(flown.outputs)
+    assert {o.mode for o in flown.outputs if o.time_s > START_S} == {SOARING}
+    assert not any(o.quality.fix_refused for o in flown.outputs if o.active)
 
 
 def test_what_is_confident_again_in_time_is_flown_on_with() -> None:
