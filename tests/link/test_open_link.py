@@ -2,7 +2,7 @@
 
 import pytest
 
-from tgl_soar.link.open_link import is_open, open_link
+from tgl_soar.link.open_link import check_link, is_open, open_link
 from tgl_soar.link.transports.base import LinkError, LinkNotReadyError
 
 LOCAL = "127.0.0.1"
@@ -37,6 +37,22 @@ def test_a_link_that_cannot_be_opened_is_named_with_the_way_out(text: str, words
         open_link(text, is_frame)
     assert words in str(caught.value)
     assert repr(text) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["serial:", "serial:/dev/ttyAMA0:fast", "udp:127.0.0.1:0", "tcp:127.0.0.1", "carrier-pigeon:1"],
+)
+def test_a_wrong_form_is_told_before_anything_is_opened(text: str) -> None:
+    with pytest.raises(LinkError):
+        check_link(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["serial:/dev/tty-none:921600", "udpin:0.0.0.0:14550", f"tcp:{LOCAL}:1"]
+)
+def test_the_right_form_is_enough_whether_or_not_it_can_be_opened(text: str) -> None:
+    check_link(text)
 
 
 @pytest.mark.parametrize(
