@@ -38,7 +38,7 @@ from tests_reaching import Imports, names_at
 BUDGET_S: Final = 30.0  # processor time for a mutant's tests, its processes' included
 PROGRESS: Final = 10  # mutants from one line of progress to the next
 LOOPING_S: Final = 60.0  # processor time beyond it: no test takes as much
-HANGING_S: Final = 900.0  # on the clock, for a mutant that waits forever
+HANGING_S: Final = 300.0  # on the clock, for a mutant that waits forever
 SLOW_S: Final = 1.0  # a test that takes longer waits for those that take less
 QUICK_S: Final = 2.0  # all tests of a file together, and fifteen such files have their turn
 CUT_S: Final = 3.0  # processor time at which one is cut short while others wait for it

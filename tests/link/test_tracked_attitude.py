@@ -9,6 +9,7 @@ from math import cos, nan, pi, radians, sin
 import pytest
 from samples import attitude_sample
 
+from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.sources import RETURN_S, Quaternion
 from tgl_soar.link.tracked_attitude import FRESH_S, TILT_RAD, TrackedAttitude
 from tgl_soar.types import NO_ATTITUDE, AttitudeSample
@@ -63,12 +64,13 @@ def test_attitudes_that_are_the_same_stand_at_no_angle() -> None:
 
 
 def test_a_steady_tracker_is_taken_with_the_gyros_rates() -> None:
-    flight = Flight().runs(RETURN_S - 0.1, turned(0.5))
+    pose = quaternion_from_euler(0.03, -0.05, 0.5)  # no two of its numbers are alike
+    flight = Flight().runs(RETURN_S - 0.1, pose)
     assert not flight.tracked.is_chosen
-    flight.runs(0.2, turned(0.5))
+    flight.runs(0.2, pose)
     last = flight.given[-1]
     assert flight.tracked.is_chosen
-    assert last[2:6] == turned(0.5)
+    assert last[2:6] == pose
     assert last[6:9] == (0.1, 0.2, 0.3)
     assert flight.words == ["attitude: the tracker's"]
 
