@@ -40,6 +40,7 @@ from tgl_soar.geometry import (
     quaternion_from_euler,
 )
 from tgl_soar.types import (
+    STEPPED_SOURCE,
     THEIRS,
     AttitudeSample,
     AutopilotStatus,
@@ -946,9 +947,12 @@ def ready(laws: Laws = LAWS, **place: Any) -> AutopilotState:
 
 
 def stood(laws: Laws, ticks: int, **place: Any) -> Iterator[Output]:
+    """By a source that may say the same again."""
     state = ready(laws, **place)
     for k in range(ticks):
-        state, output = step(laws, state, standing(k, **place))
+        inputs = standing(k, **place)
+        again = inputs.position._replace(source=STEPPED_SOURCE)
+        state, output = step(laws, state, inputs._replace(position=again))
         yield output
 
 

@@ -162,7 +162,8 @@ def test_without_fixes_the_position_is_kept_for_as_long_as_it_is_known(
 
 
 def test_a_frozen_position_is_not_carried_on_by_accelerations() -> None:
-    """The estimator takes the same place and speed again and again, and is sure of it."""
+    """Without control the estimator takes the same place and speed again and again, and is sure of
+    it."""
 
     def frozen() -> Iterator[Inputs]:
         for n in range(400):

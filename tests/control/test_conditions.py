@@ -83,13 +83,16 @@ def test_whether_the_place_is_known(
     health: dict[str, Any], quality: dict[str, Any], known: bool
 ) -> None:
     told, found = SOUND._replace(**health), SURE._replace(**quality)
-    assert c.is_place_known(GUARDS, told, found) == known
-    assert c.with_uncertainty(GUARDS, told, found).position_ok == known
+    assert c.is_place_known(GUARDS, told, found, flying=True) == known
+    assert c.with_uncertainty(GUARDS, told, found, flying=True).position_ok == known
+    # Without control what is frozen is taken in, from any source.
+    frozen = bool(told.faults & h.FROZEN)
+    assert c.is_place_known(GUARDS, told, found, flying=False) == (known and not frozen)
 
 
 @pytest.mark.parametrize(("reckoned_s", "sure"), [(0.0, True), (4.9, True), (5.1, False)])
 def test_what_is_only_reckoned_is_flown_with_for_a_time(reckoned_s: float, sure: bool) -> None:
-    found = c.with_uncertainty(GUARDS, SOUND, SURE._replace(reckoned_s=reckoned_s))
+    found = c.with_uncertainty(GUARDS, SOUND, SURE._replace(reckoned_s=reckoned_s), flying=True)
     assert found.position_ok == sure
 
 

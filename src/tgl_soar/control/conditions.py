@@ -101,10 +101,13 @@ EXCITED_STALL_RAD: Final = 0.5 * MARGIN_FULL
 LINE_UPRIGHT: Final = 0.1  # sine of a line's inclination, below which it has no upstream side
 
 
-def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> bool:
+def is_place_known(
+    guards: SupervisorLimits, health: Health, quality: MotionQuality, flying: bool
+) -> bool:
     """Whether the position may be flown with, for all that the estimator knows.
 
-    health: of which `position_ok` says how old the last fix is, and no more.
+    health: of which `position_ok` says how old the last fix is, and no more.  flying: the module is
+    in control.
 
     With accelerations the position is flown with until it is too uncertain; where it has jumped
     it is not, so that the line is reset to the aircraft and no law sees the step.  A fix that
@@ -114,19 +117,21 @@ def is_place_known(guards: SupervisorLimits, health: Health, quality: MotionQual
         health.position_ok
         and quality.position_sigma_m <= UNCERTAINTY_MAX * guards.position_sd_max_m
     )
+    taken_for_none = flying and quality.source != STEPPED_SOURCE  # is what is frozen
     carried = (
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
         and health.position_age_s <= guards.position_age_max_s
-        # What is frozen is not taken in, but for this source: of it the estimator knows no better.
-        and not (health.faults & FROZEN and quality.source == STEPPED_SOURCE)
+        and (taken_for_none or not health.faults & FROZEN)  # else the estimator knows no better
     )
     return (young or carried) and not quality.jumped
 
 
-def with_uncertainty(guards: SupervisorLimits, health: Health, quality: MotionQuality) -> Health:
+def with_uncertainty(
+    guards: SupervisorLimits, health: Health, quality: MotionQuality, flying: bool
+) -> Health:
     """Health as the estimator's uncertainty has it, and the autopilot's own of what it reckons."""
-    known = is_place_known(guards, health, quality)
+    known = is_place_known(guards, health, quality, flying)
     known = known and (quality.reckoned_s == 0.0 or quality.reckoned_s <= guards.reckoned_max_s)
     return health if known == health.position_ok else health._replace(position_ok=known)
 

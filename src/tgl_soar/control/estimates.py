@@ -144,7 +144,7 @@ def estimate(
         limited.command,
         dt_s,
     )
-    health = with_uncertainty(laws.guards, health, quality)
+    health = with_uncertainty(laws.guards, health, quality, flying)
     rangefinder, ground_range, health = _over_ground(
         laws, before.rangefinder, inputs, vehicle, health, quality.jumped, flying
     )

@@ -282,7 +282,7 @@ def knows_place(laws: Laws, estimates: Estimates) -> bool:
     if health.position_ok or quality.reckoned_s == 0.0:
         return health.position_ok
     young = health.position_age_s <= laws.health.position_age_max_s
-    return is_place_known(laws.guards, health._replace(position_ok=young), quality)
+    return is_place_known(laws.guards, health._replace(position_ok=young), quality, flying=True)
 
 
 def _is_reckoned_too_long(laws: Laws, state: LaunchLandingState, estimates: Estimates) -> bool:
