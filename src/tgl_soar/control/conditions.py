@@ -77,15 +77,8 @@ from tgl_soar.control.supervisor import (
 from tgl_soar.control.target_line import LineState, LineTracking, e_rho
 from tgl_soar.estimation.health import AIRSPEED, DISAGREES, FROZEN, INSANE
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import (
-    INFINITE,
-    STEPPED_SOURCE,
-    AirEstimate,
-    Health,
-    Inputs,
-    MotionQuality,
-    VehicleState,
-)
+from tgl_soar.estimation.position_fixes import takes_repetitions
+from tgl_soar.types import INFINITE, AirEstimate, Health, Inputs, MotionQuality, VehicleState
 
 UNCERTAINTY_MAX: Final = 3.0  # times EST_SD_MAX: more uncertain than this no fix is young enough
 HEADING_MAX_RAD: Final = 0.5 * pi  # from upwind, to be engaged at all
@@ -117,12 +110,12 @@ def is_place_known(
         health.position_ok
         and quality.position_sigma_m <= UNCERTAINTY_MAX * guards.position_sd_max_m
     )
-    taken_for_none = flying and quality.source != STEPPED_SOURCE  # is what is frozen
     carried = (
         quality.inertial
         and quality.position_sigma_m <= guards.position_sd_max_m  # false for NaN
         and health.position_age_s <= guards.position_age_max_s
-        and (taken_for_none or not health.faults & FROZEN)  # else the estimator knows no better
+        # Of what is frozen and taken in all the same the estimator knows no better.
+        and not (health.faults & FROZEN and takes_repetitions(quality.source, flying))
     )
     return (young or carried) and not quality.jumped
 

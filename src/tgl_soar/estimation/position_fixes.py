@@ -163,6 +163,12 @@ def _is_usable(state: MotionState, fix: PositionFix, measured: _Measured, now_s:
     )
 
 
+def takes_repetitions(source: int, moves: bool) -> bool:
+    """Whether a fix of a source is taken in that repeats the one before.  moves: the aircraft does
+    not stand still."""
+    return not moves or source == STEPPED_SOURCE
+
+
 def take_fix(
     gains: MotionGains,
     frame: SoaringFrame,
@@ -173,8 +179,7 @@ def take_fix(
 ) -> MotionState:
     """The estimate with a new fix taken in or refused.
 
-    moves: the aircraft does not stand still, so that a fix that repeats the one before is none,
-    where it has no steps.
+    moves: as for `takes_repetitions`.
     """
     measured = _measured(gains, frame, state.shift, fix)
     time_s = measured.time_s
@@ -192,7 +197,7 @@ def take_fix(
         sum=total,
         repeated=state.fix.repeated + 1 if total == state.fix.sum else 0,
     )
-    if moves and latest.repeated > 0 and fix.source != STEPPED_SOURCE:
+    if latest.repeated > 0 and not takes_repetitions(fix.source, moves):
         return state._replace(fix=latest._replace(time_s=state.fix.time_s, source=state.fix.source))
     return _compared(gains, state, latest, measured, now_s)
 
