@@ -13,13 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from cheap_flights import cheap_jobs, fly_cheaply
+from cheap_flights import cheap_campaign, cheap_jobs, fly_cheaply
 
 from tgl_soar.sim.campaign import cluster
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
-from tgl_soar.sim.campaign.journal import InMemory
+from tgl_soar.sim.campaign.executors import InLine
+from tgl_soar.sim.campaign.folder import ROWS, CampaignFolder
 from tgl_soar.sim.campaign.provenance import libraries
-from tgl_soar.sim.campaign.run import Progress, fly_all, run
+from tgl_soar.sim.campaign.run import Progress, fly_all
 
 distributed = pytest.importorskip("distributed")
 
@@ -89,13 +90,12 @@ def joined(machines: Machines, workers: int) -> DaskCluster:
         time.sleep(0.2)
 
 
-def test_workers_and_scheduler_die_and_the_flights_are_the_same(
-    machines: Machines, monkeypatch: pytest.MonkeyPatch
+def test_workers_and_scheduler_die_and_the_table_is_the_same(
+    machines: Machines, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    pytest.importorskip("pyarrow")
     executor = joined(machines, 2)
     assert executor.description == f"dask at {machines.address}, 2 workers"
-    jobs = cheap_jobs(120, nap_s=0.02)
-    expected = [fly_cheaply(job) for job in cheap_jobs(120)]
     events = [(20, "worker"), (60, "scheduler")]
 
     def on_progress(progress: Progress) -> None:
@@ -110,12 +110,17 @@ def test_workers_and_scheduler_die_and_the_flights_are_the_same(
                 for name in ("scheduler", "four", "five"):
                     machines.start(name)
 
-    kept = InMemory(len(jobs))
-    run(fly_cheaply, jobs, executor, kept, size=5, on_progress=on_progress)
-    assert not events
-    assert kept.flown == 120
-    assert kept.results() == expected
+    tables = []
+    for name, flies in (("dask", executor), ("line", InLine())):
+        campaign = cheap_campaign(120, nap_s=0.02)  # which is a column of the table
+        with CampaignFolder(tmp_path / name, campaign) as folder:
+            folder.fly(flies, on_progress, size=5)
+            assert folder.finish()
+        assert not events
+        tables.append((tmp_path / name / ROWS).read_bytes())
+    assert tables[0] == tables[1]
 
+    jobs = cheap_jobs(4)
     with pytest.raises(ArithmeticError, match="seed 3"):
         fly_all(fly_cheaply, [jobs[3]._replace(raises=True)], executor)
     with monkeypatch.context() as patch:
