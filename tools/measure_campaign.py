@@ -7,7 +7,9 @@ by this process, by local processes, by dask workers in one group of processes, 
 in two groups with an address each, as two machines would be.  Rounds go through all of them in
 turn, so that what else the computer does meets each alike; its load stands beside each figure, and
 so does what all processes together take of a processor, which depends less on that.
-Then one campaign is flown into its folder, and the parent's memory is looked at.
+Then one campaign is flown into its folder, and the parent's memory is looked at.  Before all that
+the first flight of a process is timed where nobody has compiled, and then where somebody has: of a
+process of its own, and of a worker of dask.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -47,6 +49,7 @@ CORES: Final = 16
 HERE: Final = Path(__file__).resolve().parent
 SCHEDULER: Final = "from distributed.cli.dask_scheduler import main; main()"
 WORKER: Final = "from distributed.cli.dask_worker import main; main()"
+FIRST: Final = "from measure_campaign import PlainJob, fly_plain; fly_plain(PlainJob(0))"
 GROUPS: Final = {"dask, 1 worker": (1,), "dask, 2 workers": (2,), "dask, 2 machines": (1, 1)}
 BEGIN: Final = "<!-- speed: begin; written by `python tools/measure_campaign.py --docs docs` -->"
 END: Final = "<!-- speed: end -->"
@@ -102,6 +105,14 @@ class Timed(NamedTuple):
         return 1000.0 * self.processor_s / self.flights
 
 
+class FirstFlights(NamedTuple):
+    """How long a process takes to its first flight's end, what it imports included."""
+
+    cold_s: float  # nobody has compiled this source
+    warm_s: float  # somebody has
+    worker_s: float  # a worker of dask, which flies for the first time
+
+
 class Look(NamedTuple):
     """At a campaign while it is flown."""
 
@@ -145,15 +156,37 @@ def processor_s() -> float:
     return sum(sum(each.cpu_times()[:4]) for each in (here, *here.children(recursive=True)))
 
 
+def first_flights(folder: Path) -> FirstFlights:
+    """Of processes that share a folder of compiled kernels, which is empty at first."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": _path()}
+    (folder / "cache").mkdir()
+    taken: list[float] = []
+    for _ in range(2):
+        begun = time.monotonic()
+        subprocess.run([sys.executable, "-c", FIRST], env=environment, cwd=folder, check=True)
+        taken.append(time.monotonic() - begun)
+    with cluster((1,), folder, environment) as worker:
+        begun = time.monotonic()
+        run(fly_plain, [PlainJob(0)], worker, InMemory(1), size=1)
+        taken.append(time.monotonic() - begun)
+    return FirstFlights(*taken)
+
+
+def _path() -> str:
+    """Where workers find this file."""
+    return os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
+
+
 @contextmanager
-def cluster(groups: Sequence[int], folder: Path) -> Iterator[DaskCluster]:
+def cluster(
+    groups: Sequence[int], folder: Path, environment: Mapping[str, str] = os.environ
+) -> Iterator[DaskCluster]:
     """A scheduler, and for each group a process group of so many workers at its own address."""
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         port = found.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
-    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path}
+    environment = {**environment, "PYTHONPATH": _path()}
     commands = [["-c", SCHEDULER, "--port", str(port), "--host", "127.0.0.1", "--no-dashboard"]]
     for n, workers in enumerate(groups):
         words = ["-c", WORKER, address, "--nthreads", "1", "--nworkers", str(workers)]
@@ -238,7 +271,9 @@ def medians(found: Sequence[Timed], of: str = "per_s") -> dict[str, float]:
     return {n: statistics.median(getattr(t, of) for t in found if t.name == n) for n in names}
 
 
-def report(found: Sequence[Timed], looks: Sequence[Look], task: int) -> str:
+def report(
+    found: Sequence[Timed], looks: Sequence[Look], task: int, first: FirstFlights | None = None
+) -> str:
     """For docs/campaigns.md."""
     rates, processor = medians(found), medians(found, "processor_ms")
     lines = [
@@ -267,13 +302,20 @@ def report(found: Sequence[Timed], looks: Sequence[Look], task: int) -> str:
         f" on {CORES} cores, each as fast as one of these two.",
     ]
     if looks:
-        first, last = looks[min(len(looks) - 1, 1)], looks[-1]
+        early, last = looks[min(len(looks) - 1, 1)], looks[-1]
         rate = last.flown / last.seconds
         lines += [
             "",
             f"Of one campaign {last.flown:,} flights were flown in {last.seconds:,.0f} s:"
-            f" {rate:.1f} a second. The parent held {first.resident_mib:.1f} MiB after"
-            f" {first.flown:,} of them and {last.resident_mib:.1f} MiB after the last.",
+            f" {rate:.1f} a second. The parent held {early.resident_mib:.1f} MiB after"
+            f" {early.flown:,} of them and {last.resident_mib:.1f} MiB after the last.",
+        ]
+    if first:
+        lines += [
+            "",
+            f"A process has flown its first flight after {first.cold_s:.0f} s where nobody has"
+            f" compiled this source, and after {first.warm_s:.1f} s where somebody has; a new"
+            f" worker of dask after {first.worker_s:.1f} s.",
         ]
     return "\n".join(lines) + "\n"
 
@@ -314,6 +356,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--task", type=int, default=1000, help="flights a task")
     parser.add_argument("--flights", type=int, default=50_000, help="of the one campaign")
     parser.add_argument("--workers", type=int, default=2, help="of the one campaign")
+    parser.add_argument(
+        "--first",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="compile once more, to time it",
+    )
     parser.add_argument("--resume", action="store_true", help="the one campaign")
     parser.add_argument("--out", type=Path, default=Path("out/speed"))
     parser.add_argument("--docs", type=Path, help="write campaigns.md's table and figure here")
@@ -322,6 +370,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     kept = args.out / "speed.json"
     with tempfile.TemporaryDirectory() as folder:
+        first = first_flights(Path(folder)) if args.first else None
         found = rounds(args.rounds, args.task, Path(folder))
     looks = (
         long_campaign(args.out / "campaign", args.flights, args.workers, args.resume)
@@ -331,9 +380,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     content: dict[str, Any] = {
         "rounds": [t._asdict() for t in found],
         "looks": [look._asdict() for look in looks],
+        "first": first._asdict() if first else None,
     }
     kept.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    written = report(found, looks, args.task)
+    written = report(found, looks, args.task, first)
     print(written)
     if args.docs is not None:
         page = args.docs / "campaigns.md"

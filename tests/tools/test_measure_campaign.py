@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import measure_campaign
 import pytest
-from measure_campaign import Look, PlainFlight, PlainJob, Timed, draw, medians, report, timed
+from measure_campaign import (
+    FirstFlights,
+    Look,
+    PlainFlight,
+    PlainJob,
+    Timed,
+    draw,
+    medians,
+    report,
+    timed,
+)
 
 from tgl_soar.sim.campaign.executors import InLine
 
@@ -57,7 +69,35 @@ def test_the_report_says_what_was_measured() -> None:
 
 
 def test_without_the_long_campaign_nothing_is_said_of_it() -> None:
-    assert "MiB" not in report(rounds(), [], 1000)
+    page = report(rounds(), [], 1000)
+    assert "MiB" not in page
+    assert "compiled" not in page
+
+
+def test_a_first_flight_is_timed_before_and_after_somebody_has_compiled() -> None:
+    page = report(rounds(), LOOKS, 1000, FirstFlights(cold_s=151.6, warm_s=6.04, worker_s=4.5))
+    assert "first flight after 152 s where nobody has compiled this source" in page
+    assert "after 6.0 s where somebody has; a new worker of dask after 4.5 s" in page
+
+
+KEEPS = "import os, pathlib; (pathlib.Path(os.environ['XDG_CACHE_HOME']) / 'kernel').touch()"
+
+
+@contextmanager
+def in_line(groups: Sequence[int], folder: Path, environment: dict[str, str]) -> Iterator[InLine]:
+    """In place of a worker: it sees what the processes before it have kept."""
+    assert (groups, environment["XDG_CACHE_HOME"]) == ((1,), str(folder / "cache"))
+    assert (folder / "cache" / "kernel").exists()
+    yield InLine()
+
+
+def test_the_first_flights_share_a_folder_of_kernels_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measure_campaign, "FIRST", KEEPS)
+    monkeypatch.setattr(measure_campaign, "fly_plain", fly_at_once)
+    monkeypatch.setattr(measure_campaign, "cluster", in_line)
+    assert min(measure_campaign.first_flights(tmp_path)) > 0.0
 
 
 def fly_at_once(job: PlainJob) -> PlainFlight:
