@@ -374,6 +374,7 @@ def test_compiled_and_plain_end_alike() -> None:
 @pytest.mark.parametrize("action", gym.KINDS)
 def test_compiled_and_plain_fly_alike(action: str) -> None:
     """Tolerance: what sines and logarithms of two compilers differ by grows in the loop."""
+    check_env(gym.SoaringEnv(action, seconds=3.0), skip_render_check=True)  # compiled
     episodes = []
     for compile in (True, False):
         env = gym.SoaringEnv(action, compile=compile, seconds=1.5)
