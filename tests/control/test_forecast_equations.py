@@ -239,6 +239,12 @@ def negative(mean: float, variance: float) -> float:
     return 0.5 * erfc(mean / sqrt(2.0 * variance))
 
 
+@pytest.mark.parametrize("variance", [0.0, -1e-18])
+def test_what_is_known_exactly_is_negative_for_certain_or_not_at_all(variance: float) -> None:
+    """By rounding, or as there is no noise, a variance may be nought or less."""
+    assert [f._below(mean, variance) for mean in (-0.1, 0.0, 0.1)] == [1.0, 0.0, 0.0]
+
+
 def test_place_time_and_chance_follow_from_the_readings() -> None:
     state = read()
     found, (_, a, b, _, _, _, *p) = state.foreseen, state.lift

@@ -203,6 +203,11 @@ def test_no_weave_where_there_is_no_height_for_one_or_it_is_not_known() -> None:
     assert weave(PARAMS, True, SLOW, nan, at(x_m=nan), air(), fast=False) == 0.0
     unknown = PARAMS._replace(polar=POLAR._replace(c0=nan))
     assert weave(unknown, True, SLOW, nan, at(), air(), fast=False) == 0.0
+    # A polar that sinks nowhere at this speed tells no time in which the height is used up.
+    floats = GlidePolar(c0=-SLOW, c1=1.0, c2=0.0, c3=0.0, speed_min_mps=7.6, speed_max_mps=12.0)
+    assert polar_sink(floats, SLOW) == 0.0 < polar_sink(floats, BEST)
+    lifted = PARAMS._replace(polar=floats)
+    assert weave(lifted, True, SLOW, nan, at(), air(), fast=False) == 0.0
     # A metre and a half over the straight rest there are not two seconds to look upwind again in.
     low = weave(PARAMS, True, SLOW, nan, at(x_m=-26.0, z_m=6.0), air(wind_mps=3.0), fast=False)
     assert abs(low) <= (0.5 + 1.0) / polar_sink(POLAR, SLOW) + 1e-9
