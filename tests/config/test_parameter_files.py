@@ -67,7 +67,13 @@ def test_the_short_decimal_is_the_same_float(value: float) -> None:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.1, "0.1"), (123.456, "123.456"), (1234.567, "1234.567"), (1.0 / 3.0, "0.33333334")],
+    [
+        (0.1, "0.1"),
+        (123.456, "123.456"),
+        (1234.567, "1234.567"),
+        (98.76543, "98.76543"),  # by eight digits 98.765427
+        (1.0 / 3.0, "0.33333334"),
+    ],
 )
 def test_no_more_digits_are_written_than_tell_the_value(value: float, text: str) -> None:
     """Of six, seven and eight the first that reads back as the same 32-bit float."""
@@ -87,6 +93,9 @@ def test_the_rows_are_those_of_each_ground_station() -> None:
         "3\t191\tTGL_X\t0.1\t9",
         "3\t191\tLOOP_RATE\t200\t9",
     ]
+    vehicle, *_, row = written(values, QGC).splitlines()  # the first one, unless it is told
+    assert vehicle == "# Onboard parameters for Vehicle 1"
+    assert row == "1\t191\tLOOP_RATE\t200\t9"
 
 
 def test_pymavlink_reads_what_we_write_and_we_what_it_writes(tmp_path: Path) -> None:
