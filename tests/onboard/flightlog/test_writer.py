@@ -500,6 +500,17 @@ def test_at_the_end_it_says_where_the_log_is_and_what_is_missing(
     assert log.recorder.stop() == ["flight log cut: None: the disk does not answer"]
 
 
+def test_at_the_end_rows_and_frames_go_to_the_disk(log: Log) -> None:
+    """What stays in a buffer is in no file."""
+    log.begins().tick(11)
+    log.recorder.outbound(FRAME)
+    log.recorder.stop()
+    orders = log.recorder._disk._orders
+    found = [orders.get() for _ in range(orders.qsize())]
+    assert [order.ending for order in found if order is not None] == ["ulg", "tlog"]
+    assert found[-1] is None  # the end, behind them
+
+
 def test_buffers_are_forty_eight_and_all_logs_a_gigabyte(tmp_path: Path) -> None:
     recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     assert recorder._part_bytes == 100_000_000
