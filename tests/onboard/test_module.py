@@ -211,6 +211,28 @@ def test_ticks_follow_the_attitude_where_it_comes_at_the_rate(flight: Flight) ->
     assert counters.on_sample >= counters.ticks - 40
 
 
+def test_ticks_follow_an_attitude_that_comes_with_odometry(flight: Flight) -> None:
+    """A vehicle that sends its attitude in no other message."""
+    flight.attitude_hz = flight.position_hz = 0.0
+    flight.run(0.5)
+    assert not flight.onboard.pacer.locked
+    for n in range(200):
+        flight.run(0.005)
+        x = 1e-6 * (n % 7)
+        flight.hear(
+            mavlink.MAVLink_odometry_message(
+                time_usec=round((flight.now_s - flight.boot_s) * 1e6),
+                frame_id=mavlink.MAV_FRAME_LOCAL_NED,
+                child_frame_id=mavlink.MAV_FRAME_LOCAL_NED,
+                x=x, y=0.0, z=0.0, q=[1.0, x, 0.0, 0.0], vx=0.0, vy=0.0, vz=0.0,
+                rollspeed=0.0, pitchspeed=0.0, yawspeed=0.0,
+                pose_covariance=[nan] * 21, velocity_covariance=[nan] * 21,
+            )
+        )  # fmt: skip
+    assert flight.onboard.session.attitude.sequence > 100
+    assert flight.onboard.pacer.locked
+
+
 def test_the_heartbeat_tells_the_mode_at_once(flight: Flight) -> None:
     flight.run(1.0)
     flight.set("OP_ENGAGE", 1.0)
