@@ -168,6 +168,13 @@ def test_a_clock_that_differs_by_a_tenth_does_not_keep_pace(faster: float, keeps
     assert paced(times, [3.0 + faster * t for t in times]) == keeps
 
 
+@pytest.mark.parametrize(("slower", "keeps"), [(0.91, True), (0.89, False)])
+def test_a_clock_that_is_a_tenth_slower_does_not_keep_pace(slower: float, keeps: bool) -> None:
+    """In less than a second, of which no frame is a tenth late."""
+    times = [0.05 * n for n in range(19)]
+    assert paced(times, [3.0 + slower * t for t in times]) == keeps
+
+
 def test_a_clock_that_runs_twice_as_slowly_does_not_keep_pace() -> None:
     times = [0.05 * n for n in range(100)]
     assert not paced(times, [0.5 * t for t in times])
