@@ -79,6 +79,31 @@ def test_a_port_that_is_taken_is_named() -> None:
     assert f"--port {port}: cannot be served at" in text
 
 
+def test_it_serves_at_the_port_that_it_says_until_it_is_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Ctrl-C is no error, and the port is free again then."""
+    uvicorn = pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
+    pytest.importorskip("starlette", reason="the extra `page` is not installed")
+    served: list[tuple[socket.socket, int]] = []
+
+    class Stopped:
+        def __init__(self, config: object) -> None:
+            assert isinstance(config, uvicorn.Config)
+
+        def run(self, sockets: list[socket.socket]) -> None:
+            (listener,) = sockets
+            served.append((listener, listener.getsockname()[1]))
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(uvicorn, "Server", Stopped)
+    code, text = said("--link", "udpout:127.0.0.1:9", "--port", "0")
+    assert code == 0, text
+    ((listener, port),) = served
+    assert f":{port}/" in text
+    assert listener.fileno() == -1
+
+
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     there = builtins.__import__
 

@@ -335,6 +335,22 @@ def test_a_plane_is_cut_on_a_straight_line() -> None:
     assert len(found) == 3
 
 
+def test_each_cell_of_a_grid_is_cut_by_its_own_corners() -> None:
+    """As if it were a grid of its own, of whatever values."""
+    rng = np.random.default_rng(5)
+    for rows, columns in ((5, 7), (7, 5)):
+        x, z = np.arange(float(columns)), np.arange(float(rows))
+        values = rng.normal(size=(rows, columns))
+        alone = [
+            piece
+            for j in range(rows - 1)
+            for i in range(columns - 1)
+            for piece in zero_segments(x[i : i + 2], z[j : j + 2], values[j : j + 2, i : i + 2])
+        ]
+        assert len(alone) > 20
+        assert zero_segments(x, z, values) == alone
+
+
 @pytest.mark.parametrize("corner", range(4))
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_one_corner_of_another_sign_is_cut_off(corner: int, sign: float) -> None:
