@@ -152,6 +152,8 @@ def test_columns_and_heights_are_five_centimetres_apart_unless_it_is_told() -> N
     assert [z for _, z in floor] == pytest.approx([0.15] * 21)
     coarse = lowest_floor(Known(), (0.0, 1.0, 0.0, 1.0), 5.0)  # both ends at least
     assert coarse == ((0.0, 0.0), (1.0, 0.0))
+    above = lowest_floor(Known(lambda _x, z: z > 0.4), (0.0, 1.0, 0.0, 1.0), 5.0)  # and no more
+    assert above == ((0.0, 1.0), (1.0, 1.0))
 
 
 # --- fits ----------------------------------------------------------------------------------------
