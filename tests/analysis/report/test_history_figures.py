@@ -30,6 +30,7 @@ from tgl_soar.analysis.report import curves_figure, flight_figure, polar_figure,
 from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, Note
 from tgl_soar.analysis.report.figure_style import GROUND, PALETTE
 from tgl_soar.analysis.report.flight_figure import HistoryPanel, MapAir, Spans, Trace
+from tgl_soar.analysis.report.legs import HOLDING_LINE
 from tgl_soar.analysis.report.timeline_figure import MODE_COLOURS, Timeline
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine
 from tgl_soar.estimation.polar import best_glide_speed, fit_polar, sink_band
@@ -295,6 +296,17 @@ def test_modes_are_shaded_from_change_to_change_and_those_that_were_are_named(
     assert spans(grid[0, 1]) == [(12.0, 17.0, MODE_COLOURS["capturing"])]
     (legend,) = figure.legends
     assert words(legend) == ["capturing", "soaring", "holding", "released"]
+
+
+def test_every_mode_in_which_a_line_is_held_is_shaded_and_named(kept: list[Any]) -> None:
+    """And those in which a flight ends."""
+    modes = [*HOLDING_LINE, "released", "failed"]
+    timeline_figure.draw_timelines(PATH, [timeline(modes)])
+    shaded = spans(kept[0].axes[0])
+    assert [begin for begin, *_ in shaded] == [12.0 + n for n in range(len(modes))]
+    assert len({colour for *_, colour in shaded}) == len(modes)
+    (legend,) = kept[0].legends
+    assert words(legend) == modes
 
 
 def test_a_mode_of_the_first_sample_alone_ends_there(kept: list[Any]) -> None:

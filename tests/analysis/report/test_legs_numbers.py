@@ -146,6 +146,14 @@ def test_legs_without_a_name_are_numbered_and_those_without_a_path_left_out() ->
     assert legs_of(FlightData("", "", path=flight().path), {}, None) == []
 
 
+@pytest.mark.parametrize(("places", "count"), [(2, 1), (1, 0), (0, 0)])
+def test_a_leg_has_two_places_at_least(places: int, count: int) -> None:
+    x = np.full_like(times(), nan)
+    x[30 : 30 + places] = LINE[0]
+    found = legs_of(flight(path_x_m=x), {}, None)
+    assert [leg.end_s for leg in found] == pytest.approx([3.1] * count)
+
+
 # --- how well the mean is known -----------------------------------------------------------------
 
 
