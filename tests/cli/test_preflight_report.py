@@ -98,15 +98,31 @@ def test_of_a_model_that_is_not_complete_no_margin_is_known(
     assert "no gain is checked" in capsys.readouterr().out
 
 
-def verdict(monkeypatch: pytest.MonkeyPatch, *parts: CheckedPart) -> tuple[int, str]:
-    """The exit code and the last line, of what line, loops and vehicle have to say."""
+def asked(monkeypatch: pytest.MonkeyPatch, *parts: CheckedPart) -> tuple[int, list[str]]:
+    """The exit code and all lines, of what line, loops and vehicle have to say."""
     answers: dict[str, object] = {"Conversation": nullcontext(), "_read": None}
     answers |= zip(("_place_reported", "_margin_reported", "_reported"), parts, strict=True)
     for name, answer in answers.items():
         monkeypatch.setattr(preflight, name, lambda *_, answer=answer, **__: answer)
     files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
     result = CliRunner().invoke(app, ["preflight", "--link", "udp:127.0.0.1:14550", *files])
-    return result.exit_code, result.output.splitlines()[-1]
+    return result.exit_code, result.output.splitlines()
+
+
+def verdict(monkeypatch: pytest.MonkeyPatch, *parts: CheckedPart) -> tuple[int, str]:
+    """The exit code and the last line."""
+    code, lines = asked(monkeypatch, *parts)
+    return code, lines[-1]
+
+
+def test_whose_gains_are_flown_is_said_with_the_files_tables(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Their names stand in brackets, which are none of a style's."""
+    words = "gains of pitch: those of the shipped one: the airframe file has no [model]"
+    monkeypatch.setattr(preflight, "gains_words", lambda *_: words)
+    code, lines = asked(monkeypatch, CheckedPart(True), CheckedPart(True), CheckedPart(True))
+    assert (code, lines) == (0, [words, "ready"])
 
 
 @pytest.mark.parametrize("wrong", [None, 0, 1, 2])

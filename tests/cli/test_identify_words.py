@@ -1,0 +1,45 @@
+"""`tgl-soar identify`: what it says where its file cannot be written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from tgl_soar.cli import identify as module
+from tgl_soar.config.files import load_airframe, shipped
+
+AIRFRAME = shipped("airframes/eclipson_c.toml")
+
+
+@pytest.fixture(autouse=True)
+def same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A text of the file that needs no flight: that of the shipped one."""
+    monkeypatch.setattr(module, "with_identified", lambda text, *_: text)
+
+
+def test_a_file_that_cannot_be_written_ends_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody takes a file of before for what was identified now."""
+    out = tmp_path / "none" / "new.toml"
+    found: Any = None
+    with pytest.raises(typer.Exit) as ended:
+        module._write(out, AIRFRAME, found, found)
+    assert ended.value.exit_code == 2
+    out_said, err_said = capsys.readouterr()
+    assert out_said == ""
+    said = " ".join(err_said.split())
+    assert "new.toml: cannot be written: No such file or directory" in said
+
+
+def test_a_file_that_is_written_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "new.toml"
+    found: Any = None
+    module._write(out, AIRFRAME, found, found)
+    assert load_airframe(out) == load_airframe(AIRFRAME)
+    assert "before you fly with it" in " ".join(capsys.readouterr().out.split())
