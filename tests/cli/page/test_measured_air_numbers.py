@@ -319,6 +319,17 @@ def test_nothing_measured_is_no_drawing() -> None:
     assert measured.drawing is None
 
 
+@pytest.mark.parametrize("low_m", [0.0, 100.0, -200.0])
+def test_the_longer_side_of_the_fence_has_forty_nodes_wherever_it_is(low_m: float) -> None:
+    """Heights count from home, which may lie far below the slope, or above it."""
+    box = Box(-60.0, 0.0, low_m, low_m + 30.0)
+    x, z = measured_air._axis(-60.0, 0.0, box), measured_air._axis(*box[2:], box)
+    assert (len(x), len(z)) == (40, 20)
+    assert (x[0], x[-1], z[0], z[-1]) == (*box,)
+    turned = Box(low_m, low_m + 30.0, -60.0, 0.0)
+    assert len(measured_air._axis(*turned[:2], turned)) == 20
+
+
 # --- pieces of the contour ---------------------------------------------------------------------
 
 
