@@ -40,8 +40,14 @@ class Imports:
         self._importers: dict[Path, set[Path]] = {}
         for path in self._files.values():
             for name in _imported(path):
-                if imported := self._files.get(name):
+                for imported in self._meant(name):
                     self._importers.setdefault(imported, set()).add(path)
+
+    def _meant(self, name: str) -> list[Path]:
+        """The files of a name; with a dot at its end, of all names that begin so."""
+        if name.endswith("."):
+            return [path for each, path in self._files.items() if each.startswith(name)]
+        return [self._files[name]] if name in self._files else []
 
     def tests_of(self, path: Path, names: Sequence[str] = ()) -> list[Path]:
         """Test files that reach a file (relative paths): those that mirror it, then those nearest,
@@ -138,7 +144,8 @@ def _named(folder: Path, pattern: str) -> dict[str, Path]:
 
 
 def _imported(path: Path) -> set[str]:
-    """The names of what a file may import, at any place in it; some of these are no modules."""
+    """The names of what a file may import, at any place in it; some of these are no modules.  What
+    a name ends with that is put together as it runs is left out: it ends with a dot."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -146,4 +153,8 @@ def _imported(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names.add(node.module)
             names.update(f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Call) and "import_module" in _mentioned(node.func):
+            match node.args[0]:
+                case ast.JoinedStr(values=[ast.Constant(value=str(begins)), *_]):
+                    names.add(begins)
     return names

@@ -136,6 +136,12 @@ def test_tests_of_a_file_come_nearest_first() -> None:
     assert Path("tests/analysis/replay/test_replay.py") in helped
 
 
+def test_a_module_whose_name_is_put_together_is_imported_all_the_same() -> None:
+    """As commands are: their defaults and what they print are tested through the table of them."""
+    reached = Imports(ROOT).tests_of(Path("src/tgl_soar/cli/site.py"))
+    assert {Path("tests/cli/test_defaults.py"), Path("tests/cli/test_printed.py")} <= {*reached}
+
+
 def test_a_line_is_known_by_its_names_and_by_what_uses_it() -> None:
     source = """\
 LEAST = 3
