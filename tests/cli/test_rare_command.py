@@ -225,7 +225,7 @@ def gridded(folder: Path, updraft_mps: float) -> Path:
 
 
 def test_the_air_is_found_beside_the_site_file(tmp_path: Path) -> None:
-    case = rare._case(AIRFRAME, gridded(tmp_path / "hill", 2.4), None, 0.02, 1.0)
+    case = rare.case_of(AIRFRAME, gridded(tmp_path / "hill", 2.4), None, 0.02, 1.0)
     process = SoaringProcess(case)
     assert process.prepared.world.field.reference_wind_mps == 8.5
 

@@ -93,7 +93,7 @@ def rare(
     to_resume(out / KEPT, resume)
     executor = executor_of(workers, scheduler)
     try:
-        case = _case(airframe, site, line, turbulence, seconds)._replace(dispersed=dispersion)
+        case = case_of(airframe, site, line, turbulence, seconds)._replace(dispersed=dispersion)
         process = SoaringProcess(case)
         with flight_bar("pilot") as bar:
 
@@ -126,9 +126,10 @@ def rare(
     _write(out, process, climbed, found, (plain, lost))
 
 
-def _case(
+def case_of(
     airframe: Path, site: Path, line: str | None, turbulence: float, seconds: float
 ) -> SoaringCase:
+    """Of files.  Errors: ConfigError."""
     plane, place, values = files_of(airframe, site, line)
     if place.air is None:
         raise ConfigError(f"{site}: no [air] table, so there is no wind to fly in")

@@ -14,9 +14,13 @@ pytest.importorskip("numba")
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
 from tgl_soar.analysis.rare import soaring_process
 from tgl_soar.analysis.rare.soaring_process import (
-    AHEAD_S,
     EDGE,
+    GUST_S,
+    MOTION_S,
+    NOSE_M,
     SHOWN,
+    SHOWN_EVERY,
+    SPEED_S,
     PartedFlight,
     SoaringCase,
     SoaringProcess,
@@ -53,14 +57,18 @@ def process() -> SoaringProcess:
 @lru_cache(maxsize=1)
 def halfway() -> Passage:
     """Half a second of the flight of seed 1."""
-    ours = process()
-    ours._look = round(HALF_S * ours.prepared.world.step_hz)
-    return one_look(ours.begun(1), 1)
+    return parted(process(), process().begun(1), 1, HALF_S)
 
 
-def one_look(state: PartedFlight, seed: int) -> Passage:
+def parted(ours: SoaringProcess, state: PartedFlight, seed: int, time_s: float) -> Passage:
     """Whatever the margin is by then."""
-    return process().passage(state._replace(margin=inf), seed, 1e9)
+
+    def low_from_then_on(shown: Any) -> Any:
+        return np.where(shown[:, SHOWN.index("time_s")] > time_s - 0.006, 0.5, 1.0)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ours, "margins", low_from_then_on)
+        return ours.passage(state, seed, 0.5)
 
 
 def end_of(passage: Passage) -> tuple[float, ...]:
@@ -73,7 +81,8 @@ def test_it_goes_on_as_if_nothing_had_been() -> None:
     parts, flight = compiled_flight.begun(ours.prepared, 1)
     rows = np.empty((ours.prepared.ticks, len(Row._fields)))
     whole = compiled_flight.fly_on(parts, ours.laws, flight, ours.prepared.ticks, 0, rows)
-    on = one_look(halfway().state, 1)
+    assert halfway().state.flight.steps == round(HALF_S * ours.prepared.world.step_hz)
+    on = parted(ours, halfway().state._replace(margin=inf), 1, 2 * HALF_S)
     assert on.state.flight.steps == whole.steps == ours.prepared.ticks
     assert tuple(whole.world.aircraft) == end_of(on)
     assert on.state.last.shape[1] == len(SHOWN)
@@ -82,7 +91,8 @@ def test_it_goes_on_as_if_nothing_had_been() -> None:
 
 def test_with_other_noise_it_goes_another_way_from_the_same_place() -> None:
     ours, state = process(), halfway().state
-    one, again, other = (end_of(one_look(state, seed)) for seed in (5, 5, 6))
+    state = state._replace(margin=inf)
+    one, again, other = (end_of(parted(ours, state, seed, 2 * HALF_S)) for seed in (5, 5, 6))
     assert one == again
     assert one != other
     own = compiled_flight.continued(ours.prepared, 1, state.lines, 1)
@@ -95,12 +105,21 @@ def test_with_other_noise_it_goes_another_way_from_the_same_place() -> None:
 def margin(velocity: tuple[float, float, float] = (0.0, 0.0, 0.0), **where: float) -> float:
     """Where it hovers, but for what is given, and moving so [m/s]."""
     ours = process()
-    there = {"x_m": ours.place[0], "y_m": 0.0, "z_m": ours.place[1], **where, "time_s": 7.0}
-    before = {**there, "time_s": 6.9}
+    there = {
+        "x_m": ours.place[0],
+        "y_m": 0.0,
+        "z_m": ours.place[1],
+        "airspeed_mps": ours.prepared.world.trim.airspeed_mps,
+        "pitch_rad": ours.prepared.world.trim.pitch_rad,
+        "updraft_mps": ours._updraft_mps,
+        **where,
+        "time_s": 7.0,
+    }
+    before = {**there, "time_s": 6.95}
     for name, speed in zip(("x_m", "y_m", "z_m"), velocity, strict=True):
-        before[name] = there[name] - 0.1 * speed
-    rows = [np.array([row.get(name, 0.0) for name in Row._fields]) for row in (before, there)]
-    return ours.margin(*rows)
+        before[name] = there[name] - 0.05 * speed
+    rows = [[row.get(name, 0.0) for name in SHOWN] for row in (before, there)]
+    return float(ours.margins(np.array(rows))[1])
 
 
 def test_the_margin_is_the_least_share_of_what_it_usually_is() -> None:
@@ -118,9 +137,26 @@ def test_the_margin_looks_ahead() -> None:
     """An aircraft that sinks is as near to its loss as one that will be there and stands still."""
     _, z_m = process().place
     ahead = margin(z_m=z_m - 0.4)
-    assert margin((0.0, 0.0, -0.4 / AHEAD_S)) == pytest.approx(ahead)
+    assert margin((0.0, 0.0, -0.4 / MOTION_S)) == pytest.approx(ahead)
     assert ahead < 1.0
-    assert margin((0.0, 0.0, 0.2 / AHEAD_S), z_m=z_m - 0.2) == pytest.approx(1.0)
+    assert margin((0.0, 0.0, 0.2 / MOTION_S), z_m=z_m - 0.2) == pytest.approx(1.0)
+
+
+def test_a_lull_of_the_updraft_is_on_the_way_down() -> None:
+    ours = process()
+    lull = margin(updraft_mps=ours._updraft_mps - 2.0)
+    assert lull == pytest.approx(margin(z_m=ours.place[1] - 2.0 * GUST_S))
+    assert lull < 1.0
+
+
+def test_slow_and_with_its_nose_down_it_is_on_the_way_down() -> None:
+    ours = process()
+    trim = ours.prepared.world.trim
+    slow = margin(airspeed_mps=trim.airspeed_mps - 1.0)
+    assert slow == pytest.approx(margin(z_m=ours.place[1] - SPEED_S))
+    down = margin(pitch_rad=trim.pitch_rad - 0.2)
+    assert down == pytest.approx(margin(z_m=ours.place[1] - 0.2 * NOSE_M))
+    assert max(slow, down) < 1.0
 
 
 def test_gusts_of_incidence_are_no_way_to_a_loss() -> None:
@@ -128,22 +164,13 @@ def test_gusts_of_incidence_are_no_way_to_a_loss() -> None:
     assert margin(alpha_rad=0.5) == margin()
 
 
-def test_a_flight_that_ends_has_no_margin_left() -> None:
-    ours, state = process(), halfway().state
-    rows = np.zeros((ours.prepared.ticks, len(Row._fields)))
-    rows[:, 0] = np.arange(len(rows)) / ours.prepared.world.step_hz
-    crashed = state.flight._replace(standing=CRASHED)
-    assert ours._first_below(-1.0, 0, crashed, rows) == (crashed.steps, 0.0, 0.0)
-
-
 def test_a_loss_keeps_its_cause_on_all_rungs_that_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """Handed over above the first level, it passes them all, and the last knows why."""
     ours = process()
 
     def handed_over(parts: Any, laws: Any, flight: Any, until: int, changes: int, rows: Any) -> Any:
-        del parts, laws, changes
-        rows[: ours._look, 0] = 1.0
-        return flight._replace(steps=min(until, ours._look - 1), standing=CRASHED)
+        del parts, laws, changes, rows
+        return flight._replace(steps=min(until, SHOWN_EVERY - 1), standing=CRASHED)
 
     monkeypatch.setattr(soaring_process, "fly_on", handed_over)
     first = ours.passage(ours.begun(1), 2, 0.5)
@@ -158,13 +185,12 @@ def test_a_dispersed_flight_has_an_aircraft_of_its_own_all_along() -> None:
     """Drawn by the seed that it began with, whatever noise it is gone on with; aboard the file is
     known, and margins are those of the file's aircraft."""
     ours = SoaringProcess(process().case._replace(dispersed=True))
-    ours._look = round(HALF_S * ours.prepared.world.step_hz)
     one, other = ours._prepared(1).world, ours._prepared(2).world
     file = process().prepared.world
     assert one.model != other.model != file.model
     assert one.aerodynamics == file.aerodynamics
-    assert ours._usual == process()._usual
-    state = ours.passage(ours.begun(1), 1, 1e9).state
+    assert ours._usual.tolist() == process()._usual.tolist()
+    state = parted(ours, ours.begun(1), 1, HALF_S).state
     flown: list[object] = []
 
     def watched(parts: Any, *rest: Any) -> Any:

@@ -23,7 +23,7 @@ from tgl_soar.analysis.rare.soaring_process import (
 from tgl_soar.analysis.rare.splitting import Passage
 from tgl_soar.sim.flight import CRASHED, FLIES, HANDED_OVER, Row
 
-DT = 0.005  # 200 ticks a second: a look at the margin every 20
+DT = 0.005  # 200 ticks a second: a look at the margin every 10
 TICKS = 2000
 COLUMN = {name: n for n, name in enumerate(Row._fields)}
 
@@ -58,6 +58,9 @@ def rows_of(y_m: Any) -> Any:
     rows[:, COLUMN["time_s"]] = DT * (1.0 + np.arange(len(y_m)))
     rows[:, COLUMN["x_m"]], rows[:, COLUMN["z_m"]] = process().place
     rows[:, COLUMN["y_m"]] = y_m
+    rows[:, COLUMN["airspeed_mps"]] = process().prepared.world.trim.airspeed_mps
+    rows[:, COLUMN["pitch_rad"]] = process().prepared.world.trim.pitch_rad
+    rows[:, COLUMN["updraft_mps"]] = process()._updraft_mps
     rows[:, COLUMN["elevator"]] = np.arange(len(y_m))  # which tick it was
     return rows
 
@@ -69,8 +72,9 @@ def standing(steps: int, how: int = FLIES) -> Any:
 # --- the margin -----------------------------------------------------------------------------------
 
 
-def test_it_looks_ten_times_a_second_half_a_second_ahead_and_shows_five_seconds() -> None:
-    assert (module.LOOK_S, module.AHEAD_S, module.LAST_S) == (0.1, 0.5, 5.0)
+def test_it_looks_twenty_times_a_second_and_shows_five_seconds() -> None:
+    assert (module.MOTION_S, module.GUST_S, module.SPEED_S, module.NOSE_M) == (0.3, 0.14, 0.1, 0.9)
+    assert module.LAST_S == 5.0
     assert (module.EDGE, module.FAR_M, module.SHOWN_EVERY) == (0.1, 1000.0, 10)
     assert SHOWN == (
         "time_s", "x_m", "y_m", "z_m", "e_rho_m", "airspeed_mps", "alpha_rad", "pitch_rad",
@@ -94,17 +98,31 @@ def test_six_distances_are_to_the_ground_and_to_the_fences_sides(
     assert process()._distances(0.5, 0.0, 1.7)[0] == 1000.0  # where no ground is known
 
 
+def margins(looks: list[dict[str, float]], apart_s: float = 0.05) -> list[float]:
+    """Of looks that hover but for what is given; y, z [m] from where it hovers, z up."""
+    ours = process()
+    trim = ours.prepared.world.trim
+    usual = {
+        "airspeed_mps": trim.airspeed_mps,
+        "pitch_rad": trim.pitch_rad,
+        "updraft_mps": ours._updraft_mps,
+        "x_m": ours.place[0],
+    }
+    rows = []
+    for n, look in enumerate(looks):
+        row = {**usual, **look, "time_s": 7.0 + apart_s * n}
+        row["z_m"] = ours.place[1] + look.get("z_m", 0.0)
+        rows.append([row.get(name, 0.0) for name in SHOWN])
+    found: list[float] = ours.margins(np.array(rows)).tolist()
+    return found
+
+
 def margin(
-    velocity_mps: float = 0.0, y_m: float = 0.0, z_m: float = 0.0, apart_s: float = 0.1
+    velocity_mps: float = 0.0, y_m: float = 0.0, z_m: float = 0.0, apart_s: float = 0.05
 ) -> float:
     """That much to the side and higher than where it hovers, and on its way to the side."""
-    ours = process()
-    there, before = np.zeros(len(Row._fields)), np.zeros(len(Row._fields))
-    for row, time_s in ((there, 7.0), (before, 7.0 - apart_s)):
-        row[COLUMN["time_s"]] = time_s
-        row[COLUMN["x_m"]], row[COLUMN["z_m"]] = ours.place[0], ours.place[1] + z_m
-        row[COLUMN["y_m"]] = y_m - velocity_mps * (7.0 - time_s)
-    return ours.margin(before, there)
+    there = {"y_m": y_m, "z_m": z_m}
+    return margins([{**there, "y_m": y_m - velocity_mps * apart_s}, there], apart_s)[1]
 
 
 def test_the_margin_is_the_least_share_of_what_each_distance_usually_is() -> None:
@@ -116,10 +134,28 @@ def test_the_margin_is_the_least_share_of_what_each_distance_usually_is() -> Non
 
 
 @pytest.mark.parametrize("apart_s", [0.05, 0.1, 0.3])
-def test_the_margin_is_that_of_where_it_will_be_in_half_a_second(apart_s: float) -> None:
-    assert margin(0.8, apart_s=apart_s) == pytest.approx(1.0 - 0.4 / 1.2, abs=1e-6)
-    assert margin(0.8, 0.2, apart_s=apart_s) == pytest.approx(0.5, abs=1e-6)
-    assert margin(-0.8, 0.4, apart_s=apart_s) == pytest.approx(1.0, abs=1e-6)
+def test_the_margin_is_that_of_where_three_tenths_of_a_second_take_it(apart_s: float) -> None:
+    assert margin(1.6, apart_s=apart_s) == pytest.approx(1.0 - 0.48 / 1.2, abs=1e-6)
+    assert margin(1.6, 0.12, apart_s=apart_s) == pytest.approx(0.5, abs=1e-6)
+    assert margin(-1.6, 0.48, apart_s=apart_s) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_gusts_airspeed_and_pitch_move_it_up_and_down() -> None:
+    """A m/s of updraft by 14 cm, of airspeed by 10 cm; a tenth of a radian by 9 cm."""
+    top_m, bottom_m = 2.6 - process().place[1], process().place[1] - 0.8
+    trim = process().prepared.world.trim
+    for name, usual, change, moves_m in (
+        ("updraft_mps", process()._updraft_mps, 1.0, 0.14),
+        ("airspeed_mps", trim.airspeed_mps, 1.0, 0.1),
+        ("pitch_rad", trim.pitch_rad, 0.1, 0.09),
+    ):
+        up, down = margins([{name: usual + change}, {name: usual - change}])
+        assert up == pytest.approx(1.0 - moves_m / top_m, abs=1e-6)
+        assert down == pytest.approx(1.0 - moves_m / bottom_m, abs=1e-6)
+
+
+def test_of_nothing_there_is_no_margin() -> None:
+    assert process().margins(np.empty((0, len(SHOWN)))).shape == (0,)
 
 
 def test_from_a_tenth_on_the_margin_falls_as_an_exponential_and_never_to_nought() -> None:
@@ -208,47 +244,53 @@ def test_a_dispersed_flight_is_prepared_for_its_own_seed(monkeypatch: pytest.Mon
 
 
 def looked(y_m: Any) -> list[tuple[int, float]]:
-    """(step, margin) at each look from tick 40 on: a straight line through the first and the last
-    of 20 ticks, half a second on."""
+    """(step, margin) at each look from tick 40 on: a straight line through it and the last one,
+    0.3 s on."""
     found = []
-    for step in range(60, len(y_m) + 1, 20):
-        first, last = y_m[step - 20], y_m[step - 1]
-        ahead = last + 0.5 * (last - first) / (19 * DT)
-        found.append((step, 1.0 - abs(ahead) / 1.2))
+    for step in range(50, len(y_m) + 1, 10):
+        last = y_m[step - 1]
+        moved = last - y_m[step - 11] if step > 50 else 0.0
+        found.append((step, 1.0 - abs(last + 0.3 * moved / (10 * DT)) / 1.2))
     return found
 
 
-def test_it_parts_at_the_first_look_at_or_below_the_level() -> None:
+def test_it_parts_at_the_first_look_at_or_below_the_level(monkeypatch: pytest.MonkeyPatch) -> None:
     y_m = np.interp(np.arange(200), [0, 95, 190], [0.0, 0.0, 0.1])
     looks = looked(y_m)
     margins = [each for _, each in looks]
-    level = 0.5 * (margins[3] + margins[4])
+    level = 0.5 * (margins[7] + margins[8])
     assert margins[0] == 1.0
     first = next(n for n, each in enumerate(margins) if each <= level)
-    step, found, lowest = process()._first_below(level, 40, standing(200), rows_of(y_m))
-    assert step == looks[first][0]
-    assert found == pytest.approx(margins[first], abs=1e-5)
-    assert lowest == pytest.approx(min(margins[: first + 1]), abs=1e-5)
+    Sky(monkeypatch, y_m)
+    lowest, state, _ = process().passage(at_tick(40), 9, level)
+    assert state.flight.steps == looks[first][0]
+    assert state.margin == lowest == pytest.approx(margins[first], abs=1e-5)
     # Exactly at it is there.
-    assert process()._first_below(1.0, 40, standing(200), rows_of(np.zeros(200)))[0] == 60
+    Sky(monkeypatch, np.zeros(200))
+    assert process().passage(at_tick(40), 9, 1.0).state.flight.steps == 50
 
 
-def test_what_stays_above_shows_its_last_margin_and_its_lowest() -> None:
+def test_what_stays_above_shows_its_lowest(monkeypatch: pytest.MonkeyPatch) -> None:
     y_m = np.interp(np.arange(175), [0, 60, 100, 175], [0.0, 0.0, 0.05, 0.02])
-    margins = [each for _, each in looked(y_m)]  # the last at 160
+    margins = [each for _, each in looked(y_m)]  # the last at 170
     assert min(margins) < margins[-1] - 0.05
-    step, found, lowest = process()._first_below(0.0, 40, standing(175), rows_of(y_m))
-    assert step == 175
-    assert found == pytest.approx(margins[-1], abs=1e-5)
+    Sky(monkeypatch, y_m)
+    lowest, state, _ = process().passage(at_tick(40), 9, 0.0)
+    assert state is None
     assert lowest == pytest.approx(min(margins), abs=1e-5)
-    assert process()._first_below(0.0, 40, standing(59), rows_of(y_m)) == (59, inf, inf)
+    Sky(monkeypatch, y_m[:49])
+    assert process().passage(at_tick(40), 9, 0.0) == Passage(inf, None, "")  # not one look
 
 
 @pytest.mark.parametrize("how", [CRASHED, HANDED_OVER])
-def test_a_flight_that_has_ended_above_every_level_is_lost_all_the_same(how: int) -> None:
-    rows = rows_of(np.zeros(100))
-    assert process()._first_below(0.5, 40, standing(93, how), rows) == (93, 0.0, 0.0)
-    assert process()._first_below(1.0, 40, standing(93, how), rows)[0] == 60  # it was there first
+def test_a_flight_that_has_ended_above_every_level_is_lost_all_the_same(
+    how: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Sky(monkeypatch, np.zeros(93), how)
+    lowest, state, _ = process().passage(at_tick(40), 9, 0.5)
+    assert (lowest, state.margin, state.flight.steps) == (0.0, 0.0, 93)
+    assert process().passage(at_tick(40), 9, 1.0).state.flight.steps == 50  # it was there first
+    assert process().passage(at_tick(40), 9, -inf) == Passage(0.0, None, "")  # how low it comes
 
 
 class Sky:
@@ -314,8 +356,8 @@ def test_where_it_comes_to_the_level_it_is_flown_once_more_as_far_as_there(
     speed = y_m[1] / DT
     sky = Sky(monkeypatch, y_m)
     lowest, state, cause = process().passage(at_tick(200), 9, 0.6)
-    # y + 0.5 v = 0.48 m at 0.4 of 1.2 m.
-    expected = next(s for s in range(220, TICKS, 20) if y_m[s - 1] + 0.5 * speed >= 0.48)
+    # y + 0.3 v = 0.48 m at 0.4 of 1.2 m.
+    expected = next(s for s in range(220, TICKS, 10) if y_m[s - 1] + 0.3 * speed >= 0.48)
     assert sky.flights == [("noise of 9", 200, TICKS, 0), ("noise of 9", 200, expected, 0)]
     assert sky.noises == [(5, (("before",),), 9)] * 2
     assert (state.seed, state.flight.steps, state.cause, cause) == (5, expected, "", "")
@@ -323,10 +365,10 @@ def test_where_it_comes_to_the_level_it_is_flown_once_more_as_far_as_there(
     assert (
         state.margin
         == lowest
-        == pytest.approx(1.0 - (y_m[expected - 1] + 0.5 * speed) / 1.2, abs=1e-5)
+        == pytest.approx(1.0 - (y_m[expected - 1] + 0.3 * speed) / 1.2, abs=1e-5)
     )
     # Twenty rows a second of the last five.
-    ticks = np.arange(200, expected, 10)[-100:]
+    ticks = np.arange(209, expected, 10)[-100:]
     shown = dict(zip(SHOWN, state.last.T, strict=True))
     assert shown["elevator"].tolist() == ticks.tolist()
     assert shown["time_s"] == pytest.approx(DT * (1.0 + ticks))
@@ -337,10 +379,11 @@ def test_what_was_shown_before_it_parted_is_kept(monkeypatch: pytest.MonkeyPatch
     Sky(monkeypatch, np.zeros(TICKS))
     before = np.full((98, len(SHOWN)), -1.0)
     before[:, SHOWN.index("elevator")] = -np.arange(98.0, 0.0, -1.0)
+    before[:, SHOWN.index("time_s")] = np.linspace(-4.0, 0.8, 98)
     state = process().passage(at_tick(200, before), 9, 1.0).state
     elevator = state.last[:, SHOWN.index("elevator")]
-    assert len(elevator) == 100
-    assert elevator.tolist() == [-98.0, *(-np.arange(97.0, 0.0, -1.0)), 200.0, 210.0]
+    assert len(elevator) == 99
+    assert elevator.tolist() == [*(-np.arange(98.0, 0.0, -1.0)), 209.0]
 
 
 def test_a_loss_is_told_without_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
