@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import signal
 import struct
+import sys
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from zlib import crc32
 
 import pytest
@@ -348,15 +350,50 @@ def test_digests_are_of_whole_contents_to_sixteen_digits(tmp_path: Path) -> None
     assert len(provenance.source_digest()) == 16
 
 
-def test_the_libraries_that_round_are_four() -> None:
+def test_four_libraries_and_the_processor_round() -> None:
     found = provenance.libraries()
-    assert list(found) == ["numpy", "scipy", "numba", "llvmlite"]
+    assert list(found) == ["numpy", "scipy", "numba", "llvmlite", "processor"]
     assert found["numpy"] == provenance.installed_version("numpy") != ""
     assert provenance.installed_version("no-such-package-here") == ""
     assert set(provenance.provenance()) == {"version", "commit", "source", "libraries"}
     host = provenance.host_metadata()
     assert host["processors"] >= 1
     assert {"host", "system", "machine", "python", "numpy"} <= set(host)
+
+
+class Processor:
+    """As LLVM knows it."""
+
+    name, features = "znver3", "+fma,+avx2"
+
+    def get_host_cpu_name(self) -> str:
+        return self.name
+
+    def get_host_cpu_features(self) -> Processor:
+        return self
+
+    def flatten(self) -> str:
+        return self.features
+
+
+def test_a_processor_that_can_do_other_things_is_another_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A worker on it flies nothing, and no flights are added to those that it flew."""
+    here, found = Processor(), []
+    monkeypatch.setitem(sys.modules, "llvmlite", SimpleNamespace(binding=here))
+    for name, features in (("znver3", "+fma,+avx2"), ("znver3", "-fma,+avx2"), ("skylake", "")):
+        here.name, here.features = name, features
+        found.append(cast(Any, provenance.compiled_for).__wrapped__())
+    assert found[0] == f"znver3 {sha256(b'+fma,+avx2').hexdigest()[:8]}"
+    assert len(set(found)) == 3
+    monkeypatch.setitem(sys.modules, "llvmlite", None)
+    assert cast(Any, provenance.compiled_for).__wrapped__() == ""
+
+    ours = provenance.source_digest()
+    theirs = {**provenance.libraries(), "processor": "another"}
+    with pytest.raises(cluster.ClusterError, match="let their processors be of one kind"):
+        cluster._fly_there(fly_cheaply, cheap_jobs(2), ours, theirs)
 
 
 def test_a_manifest_is_of_what_is_asked_and_not_of_when() -> None:

@@ -22,6 +22,7 @@ from typing import Any, Final
 from tgl_soar.sim.campaign.executors import AHEAD, Fly, Results, ShardQueue
 from tgl_soar.sim.campaign.flight_list import Shard
 from tgl_soar.sim.campaign.provenance import libraries, source_digest
+from tgl_soar.sim.kernel_cache import compiling_alone
 
 PATIENCE_S: Final = 300.0  # for a scheduler that is gone: a machine's restart
 ANSWER_S: Final = 10.0  # of one that should be there
@@ -126,7 +127,8 @@ def _next(done: queue.SimpleQueue[Any]) -> Any:
 def _fly_there(
     fly: Callable[[Any], Any], jobs: Sequence[Any], source: str, theirs: dict[str, str]
 ) -> list[Any]:
-    """In a worker: nothing that would round otherwise than who asks."""
+    """In a worker: nothing that would round otherwise than who asks; of the workers of a computer
+    one compiles."""
     keep_memory()
     if source_digest() != source:
         raise ClusterError(
@@ -142,10 +144,12 @@ def _fly_there(
     if other:
         raise ClusterError(
             f"a worker flies with {', '.join(other)}, whose rounding is in every flight: install"
-            " the same versions on all machines"
+            " the same versions on all machines, and let their processors be of one kind"
         )
     with not_profiled():
-        return [fly(job) for job in jobs]
+        with compiling_alone():
+            results = [fly(job) for job in jobs[:1]]
+        return results + [fly(job) for job in jobs[1:]]
 
 
 @contextmanager

@@ -84,9 +84,22 @@ def host_metadata() -> dict[str, Any]:
 
 
 def libraries() -> dict[str, str]:
-    """Versions of those whose rounding is in every flight; "": not installed, and then flights
-    are plain where they would be compiled."""
-    return {name: installed_version(name) for name in _CHANGES_FLIGHTS}
+    """Versions of those whose rounding is in every flight, and the processor that LLVM compiles
+    for; "": not installed, and then flights are plain where they would be compiled."""
+    versions = {name: installed_version(name) for name in _CHANGES_FLIGHTS}
+    return {**versions, "processor": compiled_for()}
+
+
+@cache
+def compiled_for() -> str:
+    """The kind of processor, and a digest of what it can do: one that multiplies and adds at once
+    rounds otherwise than one that does not.  "": nothing is compiled."""
+    try:
+        from llvmlite import binding
+    except ImportError:
+        return ""
+    features = binding.get_host_cpu_features().flatten()
+    return f"{binding.get_host_cpu_name()} {sha256(features.encode()).hexdigest()[:8]}"
 
 
 @cache
