@@ -418,3 +418,34 @@ def test_the_files_of_a_sites_air_are_found_from_its_own_folder(
     monkeypatch.setattr(module, "site_field", found)
     SoaringProcess(case()._replace(folder=Path("there")))
     assert given == [Path("there")]
+
+
+@pytest.mark.parametrize(
+    ("where", "side"),
+    [
+        ({"x_m": -0.41}, "upstream"),
+        ({"x_m": 2.01}, "downstream"),
+        ({"y_m": -1.21}, "to the side"),
+        ({"z_m": 0.79}, "below"),
+        ({"z_m": 2.61}, "above"),
+    ],
+)
+def test_who_leaves_the_fence_is_told_by_which_side(where: dict[str, float], side: str) -> None:
+    looks = {"x_m": process().place[0], "z_m": process().place[1], **where}
+    shown = np.array([[looks.get(name, 0.0) for name in SHOWN]] * 30)
+    assert process()._cause("outside the fence", shown) == f"outside the fence, {side}"
+    assert process()._cause("hit the board", shown) == "hit the board"
+    assert process()._cause("", shown) == ""
+
+
+def test_a_wing_that_had_stalled_for_a_second_is_told() -> None:
+    """Its stall is at 0.20 rad: on average of the last twenty looks, and not in one gust."""
+    shown = np.zeros((60, len(SHOWN)))
+    shown[:, SHOWN.index("z_m")] = process().place[1]
+    alpha = SHOWN.index("alpha_rad")
+    shown[:40, alpha] = 0.5
+    shown[40:, alpha] = 0.19
+    shown[-1, alpha] = 0.3
+    assert process()._cause("hit the board", shown) == "hit the board"
+    shown[40:, alpha] = 0.21
+    assert process()._cause("hit the board", shown) == "hit the board, stalled"

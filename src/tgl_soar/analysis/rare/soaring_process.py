@@ -69,6 +69,8 @@ SHOWN: Final = (
 _COLUMN: Final = {name: n for n, name in enumerate(Row._fields)}
 _KEPT: Final = [_COLUMN[name] for name in SHOWN]
 FAR_M: Final = 1e3  # where no ground is known
+SIDES: Final = ("upstream", "downstream", "to the side", "below", "above")  # of the fence
+STALLED_S: Final = 1.0  # so long beyond the stall, on average: longer than any gust
 EDGE: Final = 0.1  # of a share: from here on the margin falls as an exponential
 MOTION_S: Final = 0.3
 GUST_S: Final = 0.14
@@ -203,7 +205,7 @@ class SoaringProcess:
         if step < flight.steps:  # the same once more, as far as there
             parts, flight, _ = self.flown(prepared, state, seed, step)
         keep = round(LAST_S * prepared.world.step_hz / SHOWN_EVERY)
-        cause = why_ended(prepared.world, flight).partition(" at x")[0]
+        cause = self._cause(why_ended(prepared.world, flight).partition(" at x")[0], shown)
         now = PartedFlight(
             seed=state.seed,
             flight=flight,
@@ -230,6 +232,20 @@ class SoaringProcess:
         flight = fly_on(parts, self.laws, state.flight, until, 0, rows)
         looks = rows[begin + SHOWN_EVERY - 1 : flight.steps : SHOWN_EVERY, _KEPT]
         return parts, flight, np.concatenate([state.last, looks])
+
+    def _cause(self, why: str, shown: FloatArray) -> str:
+        """Why a flight has ended: of the fence the side, and whether the wing had stalled; shown:
+        what was looked at before."""
+        if not why or not len(shown):
+            return why
+        seen = dict(zip(SHOWN, shown.T, strict=True))
+        x_m, y_m, z_m = (float(seen[name][-1]) for name in ("x_m", "y_m", "z_m"))
+        if "fence" in why:
+            side = int(np.argmin(self._distances(x_m, y_m, z_m)[1:]))
+            why = f"{why}, {SIDES[side]}"
+        last = round(STALLED_S * self.prepared.world.step_hz / SHOWN_EVERY)
+        stall_rad = self.case.airframe.aerodynamics().stall_alpha_rad
+        return why if seen["alpha_rad"][-last:].mean() < stall_rad else f"{why}, stalled"
 
     def margins(self, shown: FloatArray) -> FloatArray:
         """Of a flight that flies: at each look (n); shown: all of them so far, (n, columns of
