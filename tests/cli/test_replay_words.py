@@ -16,6 +16,7 @@ from tgl_soar.analysis.replay.logged import Replay
 from tgl_soar.analysis.replay.many import ReplayedLog
 from tgl_soar.cli import replay as module
 from tgl_soar.cli.app import app
+from tgl_soar.cli.batch_options import ALL
 from tgl_soar.cli.replay import _changes, _compare, _from_wire, _list_differences, _show_all, _unit
 
 NAN = float("nan")
@@ -66,6 +67,10 @@ def test_what_is_no_change_is_refused(text: str) -> None:
 @pytest.mark.parametrize(("words", "reported"), [
     (("a.ulg", "--resume"), "--resume goes with --out"),
     (("a.ulg", "--restart"), "--restart goes with --out"),
+    (
+        ("a.ulg", "--scheduler", "tcp://127.0.0.1:1"),
+        "--scheduler goes with several logs, or with --out",
+    ),
     (("a.ulg", "b.ulg", "--site", "tunnel"), "--site goes with one log, and without --out"),
     (("a.ulg", "b.ulg", "--figure", "x.png"), "--figure goes with one log, and without --out"),
     (("a.ulg", "b.ulg", "--compile"), "--compile goes with one log, and without --out"),
@@ -76,6 +81,17 @@ def test_what_is_no_change_is_refused(text: str) -> None:
 def test_what_does_not_go_together_is_refused(words: tuple[str, ...], reported: str) -> None:
     code, said = run(*words)
     assert (code, reported in said) == (2, True), said
+
+
+def test_several_are_replayed_by_whom_the_options_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, str | None]] = []
+    monkeypatch.setattr(
+        module, "executor_of", lambda workers, scheduler: asked.append((workers, scheduler))
+    )
+    monkeypatch.setattr(module, "replay_many", lambda *_: [])
+    for words in ((), ("--workers", "3"), ("--scheduler", "tcp://there:1")):
+        assert run("a.ulg", "b.ulg", *words)[0] == 0
+    assert asked == [(ALL, None), (3, None), (ALL, "tcp://there:1")]
 
 
 # --- one log -----------------------------------------------------------------------------------

@@ -14,7 +14,16 @@ from tgl_soar.analysis.replay.logged import SHOWN, Replay, ReplayError
 from tgl_soar.analysis.replay.logged import replay as replay_log
 from tgl_soar.analysis.replay.many import ReplayedLog, ReplayJob, replay_campaign, replay_many
 from tgl_soar.analysis.replay.wire import WireReplay, replay_wire, rms
-from tgl_soar.cli.batch_options import ALL, Restart, Resume, flight_bar, fly_folder, to_resume
+from tgl_soar.cli.batch_options import (
+    ALL,
+    Restart,
+    Resume,
+    Scheduler,
+    executor_of,
+    flight_bar,
+    fly_folder,
+    to_resume,
+)
 from tgl_soar.cli.console import (
     AIRFRAME,
     AIRFRAME_FILE,
@@ -29,7 +38,8 @@ from tgl_soar.cli.log import read
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.onboard.flightlog.topics import TOPICS, unit_of
-from tgl_soar.sim.campaign.executors import Executor, WorkerLost, local
+from tgl_soar.sim.campaign.cluster import ClusterError
+from tgl_soar.sim.campaign.executors import Executor, WorkerLost
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
@@ -83,6 +93,7 @@ def replay(
             help="Folder for a table with a row for each log, and a manifest with their digests."
         ),
     ] = None,
+    scheduler: Scheduler = None,
     resume: Resume = False,
     restart: Restart = False,
 ) -> None:
@@ -98,12 +109,14 @@ def replay(
         if kept and out is None:
             fail(f"{option} goes with --out")
     if len(paths) == 1 and out is None:
+        if scheduler is not None:
+            fail("--scheduler goes with several logs, or with --out")
         _replay_one(paths[0], changes, airframe, site, figure, workers, compile)
         return
     for option, given in (("--site", site), ("--figure", figure), ("--compile", compile)):
         if given:
             fail(f"{option} goes with one log, and without --out")
-    executor = local(workers or ALL)
+    executor = executor_of(workers or ALL, scheduler)
     if out is None:
         found = _replayed([ReplayJob(path, changes, airframe) for path in paths], executor)
     else:
@@ -157,8 +170,11 @@ def _replay_one(
 
 
 def _replayed(jobs: list[ReplayJob], executor: Executor) -> list[ReplayedLog]:
-    with flight_bar("logs") as bar:
-        return replay_many(jobs, executor, lambda progress: bar.show(*progress))
+    try:
+        with flight_bar("logs") as bar:
+            return replay_many(jobs, executor, lambda progress: bar.show(*progress))
+    except (ClusterError, WorkerLost) as error:
+        fail(error)
 
 
 def _kept(
@@ -174,7 +190,7 @@ def _kept(
             fly_folder(folder, executor)
             found = list(folder)
             tabulated = folder.finish()
-    except (JournalError, WorkerLost) as error:
+    except (JournalError, ClusterError, WorkerLost) as error:
         fail(error)
     say(f"logs in {out / ROWS if tabulated else f'{out / JOURNAL}, no table: {MISSING}'}")
     return found
