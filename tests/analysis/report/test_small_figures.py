@@ -93,7 +93,7 @@ def test_a_ladder_goes_from_one_down_by_the_share_that_passed(kept: list[Any]) -
     assert second.get_ydata() == pytest.approx([1.0, 0.25])
     assert axes.get_yscale() == "log"
     assert axes.get_xlim()[0] > axes.get_xlim()[1]
-    assert kept[0].axes[1].get_legend() is None
+    assert kept[0].legends == []
 
 
 def test_losses_are_drawn_by_cause_up_to_their_last_moment(kept: list[Any]) -> None:
@@ -108,7 +108,7 @@ def test_losses_are_drawn_by_cause_up_to_their_last_moment(kept: list[Any]) -> N
         assert axes.get_xlabel() == "time to the loss [s]"
         colours = [line.get_color() for line in axes.lines[:3]]
         assert colours == [PALETTE[0], PALETTE[1], PALETTE[0]]
-    words = [text.get_text() for text in height.get_legend().get_texts()]
+    words = [text.get_text() for text in kept[0].legends[0].get_texts()]
     assert words == ["ground", "fence"]
     assert [axes.get_ylabel() for axes in (height, speed, off)] == [
         "height [m]",
@@ -117,12 +117,16 @@ def test_losses_are_drawn_by_cause_up_to_their_last_moment(kept: list[Any]) -> N
     ]
 
 
-def test_of_many_losses_forty_are_drawn(kept: list[Any]) -> None:
-    rare_figure.rare_figure(PATH, [], ["ground"] * 50, [lost(1.0)] * 50)
+def test_of_many_losses_up_to_forty_of_all_ladders_are_drawn(kept: list[Any]) -> None:
+    causes = [*["ground"] * 60, *["fence"] * 60]
+    rare_figure.rare_figure(PATH, [], causes, [lost(float(n)) for n in range(120)])
     assert [len(axes.lines) for axes in kept[0].axes[2:]] == [40, 40]
+    heights = [line.get_ydata()[0] for line in kept[0].axes[1].lines[:40]]
+    assert heights == [3.0 * n for n in range(40)]
+    assert [text.get_text() for text in kept[0].legends[0].get_texts()] == ["ground", "fence"]
     many = [f"cause {n}" for n in range(20)]  # more than there are colours
     rare_figure.rare_figure(PATH, [], many, [lost(1.0)] * 20)
-    assert len(kept[1].axes[1].get_legend().get_texts()) == 20
+    assert len(kept[1].legends[0].get_texts()) == 20
 
 
 # --- launches and landings ----------------------------------------------------------------------

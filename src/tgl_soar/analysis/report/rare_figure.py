@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +23,7 @@ _DRAWN: Final = 40  # losses: more hide one another
 def rare_figure(
     path: Path, ladders: Sequence[Sequence[Rung]], causes: Sequence[str], last: Sequence[FloatArray]
 ) -> None:
-    """Write the figure; last: rows of `SHOWN` for every loss.
+    """Write the figure; last: rows of `SHOWN` for every loss, of which some are drawn.
 
     Errors: ImportError naming the extra where matplotlib is missing; OSError.
     """
@@ -40,9 +41,11 @@ def rare_figure(
         ladder_axes.invert_xaxis()
         ladder_axes.set_xlabel("margin; 0 is lost")
         ladder_axes.set_ylabel("probability to come so far")
-        colours = dict(zip(dict.fromkeys(causes), PALETTE * 9, strict=False))
+        lost = list(zip(causes, last, strict=True))
+        lost = lost[:: max(1, ceil(len(lost) / _DRAWN))]  # of all ladders
+        colours = dict(zip(dict.fromkeys(cause for cause, _ in lost), PALETTE * 9, strict=False))
         for axis, (name, label) in zip(panels, _PANELS, strict=True):
-            for cause, rows in list(zip(causes, last, strict=True))[:_DRAWN]:
+            for cause, rows in lost:
                 time = rows[:, SHOWN.index("time_s")]
                 axis.plot(time - time[-1], rows[:, SHOWN.index(name)], color=colours[cause], lw=0.6)
             axis.set_ylabel(label)
@@ -50,5 +53,5 @@ def rare_figure(
         for cause, colour in colours.items():
             panels[0].plot([], [], color=colour, label=cause)
         if colours:
-            panels[0].legend(loc="lower left")
+            figure.legend(loc="outside lower center", ncols=2)
         save(plt, figure, path)
