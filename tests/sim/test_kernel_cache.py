@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from contextlib import ExitStack
 from pathlib import Path
-from subprocess import PIPE
 from typing import Any, cast
 
 import pytest
@@ -139,56 +137,3 @@ def test_without_a_place_it_is_compiled_in_memory(
         assert kernel_cache.kept(one_more, MODULES)(2) == 3
     finally:
         kernel_cache.folder.cache_clear()
-
-
-# One of them is slow: the others find what it has left.
-FIRST = """
-import sys, time
-from pathlib import Path
-from tgl_soar.sim.kernel_cache import compiling_alone
-kept = Path(sys.argv[1])
-print("there", flush=True)
-sys.stdin.readline()
-with compiling_alone():
-    found = kept.exists()
-    if not found:
-        time.sleep(0.3)
-        kept.touch()
-with compiling_alone():  # once more: nothing is waited for
-    pass
-print(found)
-"""
-
-
-def test_of_processes_that_begin_at_once_one_compiles(tmp_path: Path) -> None:
-    words = [sys.executable, "-c", FIRST, str(tmp_path / "kept")]
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    with ExitStack() as running:
-        each = [
-            running.enter_context(
-                subprocess.Popen(
-                    words, env=environment, stdin=PIPE, stdout=PIPE, text=True, bufsize=1
-                )
-            )
-            for _ in range(3)
-        ]
-        for process in each:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "there\n"
-        for process in each:
-            assert process.stdin is not None
-            process.stdin.write("\n")
-            process.stdin.flush()
-        found = [process.communicate(timeout=60.0)[0].split()[-1] for process in each]
-    assert sorted(found) == ["False", "True", "True"]
-
-
-def test_where_nothing_can_be_kept_each_compiles_for_itself(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(kernel_cache, "_has_flown", False)
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))  # no folder can be made there
-    with kernel_cache.compiling_alone():
-        assert not kernel_cache._has_flown
-    assert kernel_cache._has_flown

@@ -11,9 +11,8 @@ import ast
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
-from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -24,7 +23,6 @@ _ROOT: Final = Path(__file__).parents[2]  # where the package lies
 # Whichever is less.  A source's kernels take 5 to 30 MB: several checkouts may run side by side.
 KEPT: Final = 16  # sources
 KEPT_BYTES: Final = 1 << 30
-_has_flown = False  # this process
 
 
 def kept(kernel: Callable[..., Any], modules: Sequence[str]) -> Any:
@@ -47,43 +45,18 @@ def kept(kernel: Callable[..., Any], modules: Sequence[str]) -> Any:
         settings["CACHE_DIR"] = before
 
 
-def _base() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tgl_soar/kernels"
-
-
 @cache
 def folder(modules: tuple[str, ...]) -> Path:
     """Where the kernels of just these modules' source are kept; those of old sources are deleted.
 
     Errors: RuntimeError without a home folder; OSError where it cannot be made.
     """
-    base = _base()
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tgl_soar/kernels"
     found = base / source_key(modules)
     found.mkdir(parents=True, exist_ok=True)
     os.utime(found)
     _delete_old(base)
     return found
-
-
-@contextmanager
-def compiling_alone() -> Iterator[None]:
-    """The first flight of a process beside others of this computer: one of them compiles, and the
-    others wait and then load what it has compiled, all at once."""
-    global _has_flown
-    if _has_flown:
-        yield
-        return
-    with ExitStack() as held:
-        with suppress(OSError):  # nothing can be kept here: each compiles for itself
-            base = _base()
-            base.mkdir(parents=True, exist_ok=True)
-            lock = held.enter_context((base / "compiling").open("ab"))
-            try:
-                flock(lock, LOCK_EX | LOCK_NB)
-            except BlockingIOError:
-                flock(lock, LOCK_SH)
-        yield
-    _has_flown = True
 
 
 def source_key(modules: Iterable[str]) -> str:
@@ -117,8 +90,7 @@ def _sources(modules: Iterable[str]) -> dict[str, bytes]:
 def _delete_old(base: Path) -> None:
     """Keep what was used last.  A process that still uses another compiles it once more."""
     with suppress(OSError):  # another process deletes them, too
-        folders = [path for path in base.iterdir() if path.is_dir()]
-        by_age = sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)
+        by_age = sorted(base.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
         size = 0
         for place, path in enumerate(by_age):
             size += sum(file.stat().st_size for file in path.rglob("*"))

@@ -20,9 +20,9 @@ from functools import lru_cache
 from typing import Any, Final
 
 from tgl_soar.sim.campaign.executors import AHEAD, Fly, Results, ShardQueue
+from tgl_soar.sim.campaign.first_flight import compiling_alone
 from tgl_soar.sim.campaign.flight_list import Shard
 from tgl_soar.sim.campaign.provenance import libraries, source_digest
-from tgl_soar.sim.kernel_cache import compiling_alone
 
 PATIENCE_S: Final = 300.0  # for a scheduler that is gone: a machine's restart
 ANSWER_S: Final = 10.0  # of one that should be there
