@@ -27,7 +27,6 @@ from tgl_soar.analysis.rare.soaring_process import (
     MOTION_S,
     NOSE_M,
     SHOWN,
-    SHOWN_EVERY,
     SPEED_S,
     SoaringProcess,
 )
@@ -60,8 +59,8 @@ def weighed(motion_s: float, gust_s: float, speed_s: float, nose_m: float) -> It
 
 def with_alpha(process: SoaringProcess, shown: FloatArray) -> FloatArray:
     """The mean angle of attack of half a second as a share of its own, beside the distances."""
-    ticks = round(0.5 * process.prepared.world.step_hz / SHOWN_EVERY)
-    alpha = np.convolve(shown[:, COLUMN["alpha_rad"]], np.full(ticks, 1.0 / ticks))[: len(shown)]
+    looks = process.looks_in(0.5)
+    alpha = np.convolve(shown[:, COLUMN["alpha_rad"]], np.full(looks, 1.0 / looks))[: len(shown)]
     stall_rad = process.case.airframe.aerodynamics().stall_alpha_rad
     share = (stall_rad - alpha) / (stall_rad - process.prepared.world.trim.alpha_rad)
     with weighed(MOTION_S, GUST_S, 0.0, 0.0):

@@ -64,3 +64,15 @@ def test_where_nothing_can_be_kept_each_compiles_for_itself(
     with first_flight.compiling_alone():
         assert not first_flight._has_flown
     assert first_flight._has_flown
+
+
+def test_without_a_home_each_compiles_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(first_flight, "_has_flown", False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", nobody)
+    with first_flight.compiling_alone():
+        assert not first_flight._has_flown
+    assert first_flight._has_flown

@@ -169,6 +169,10 @@ class SoaringProcess:
             return self.prepared
         return prepare(self._world(seed), self.case.duration_s)
 
+    def looks_in(self, seconds: float) -> int:
+        """How often a flight is looked at in that time."""
+        return round(seconds * self.prepared.world.step_hz / SHOWN_EVERY)
+
     def shown(self, state: PartedFlight) -> FloatArray:
         """Of `splitting.Process`: columns of SHOWN."""
         return state.last
@@ -204,7 +208,7 @@ class SoaringProcess:
             return Passage(lowest, None, "")
         if step < flight.steps:  # the same once more, as far as there
             parts, flight, _ = self.flown(prepared, state, seed, step)
-        keep = round(LAST_S * prepared.world.step_hz / SHOWN_EVERY)
+        keep = self.looks_in(LAST_S)
         cause = self._cause(why_ended(prepared.world, flight).partition(" at x")[0], shown)
         now = PartedFlight(
             seed=state.seed,
@@ -243,7 +247,7 @@ class SoaringProcess:
         if "fence" in why:
             side = int(np.argmin(self._distances(x_m, y_m, z_m)[1:]))
             why = f"{why}, {SIDES[side]}"
-        last = round(STALLED_S * self.prepared.world.step_hz / SHOWN_EVERY)
+        last = self.looks_in(STALLED_S)
         stall_rad = self.case.airframe.aerodynamics().stall_alpha_rad
         return why if seen["alpha_rad"][-last:].mean() < stall_rad else f"{why}, stalled"
 

@@ -20,7 +20,7 @@ def compiling_alone() -> Iterator[None]:
         yield
         return
     with ExitStack() as held:
-        with suppress(OSError):  # nothing can be kept here: each compiles for itself
+        with suppress(OSError, RuntimeError):  # no home, or nothing can be kept: each for itself
             folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tgl_soar"
             folder.mkdir(parents=True, exist_ok=True)
             lock = held.enter_context((folder / "compiling").open("ab"))
