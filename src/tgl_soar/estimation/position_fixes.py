@@ -108,8 +108,13 @@ UNKNOWN_MPS2: Final = 60.0
 UNTOLD_MPS2: Final = 15.0
 NOISE_GATES: Final = 0.5  # so many EST_GATE at most is the noise that widens the gate
 # Of a sum that tells whether any of six numbers has changed: roots of prime numbers, of which no
-# whole multiples cancel.
-_WEIGHTS: Final = (sqrt(2.0), sqrt(3.0), sqrt(5.0), sqrt(7.0), sqrt(11.0))
+# whole multiples cancel.  Each by itself: mypyc 2.4.1 takes a tuple of nothing but floats for one
+# that was never set.
+_ROOT_2: Final = sqrt(2.0)
+_ROOT_3: Final = sqrt(3.0)
+_ROOT_5: Final = sqrt(5.0)
+_ROOT_7: Final = sqrt(7.0)
+_ROOT_11: Final = sqrt(11.0)
 GAP_S: Final = 0.5  # without a fix: it may have moved by EST_GATE at the 1 m/s of a slide
 
 
@@ -463,7 +468,7 @@ def _outliers(
 def _sum(fix: PositionFix) -> float:
     """Of what differs from fix to fix, as far as it is known; no two fixes that differ by whole
     centimetres have the same."""
-    total = fix.north_m + _WEIGHTS[0] * fix.east_m + _WEIGHTS[1] * fix.down_m
+    total = fix.north_m + _ROOT_2 * fix.east_m + _ROOT_3 * fix.down_m
     vn, ve, vd = fix.velocity_north_mps, fix.velocity_east_mps, fix.velocity_down_mps
-    speed = _WEIGHTS[2] * vn + _WEIGHTS[3] * ve + _WEIGHTS[4] * vd
+    speed = _ROOT_5 * vn + _ROOT_7 * ve + _ROOT_11 * vd
     return total + speed if isfinite(speed) else total
