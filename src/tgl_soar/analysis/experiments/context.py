@@ -50,7 +50,7 @@ class Context:
     figures: Path | None = None  # folder; None: draw none
     quick: bool = False  # one seed, one intensity: to try an experiment, not to cite it
     model: ModelKind | None = None  # what flies; None: what the airframe file says
-    field: Path | None = None  # a site file whose air is flown in too, by `places`
+    field: Path | None = None  # a site file whose air `places` flies in, and no other
     compiled_from: int = COMPILED_FROM  # flights at once; fewer where many more are to follow
     dispersion: bool = False  # aircraft and air apart from airframe file and site
     episodes: int | None = None  # of a search, of each kind; None: as many as the experiment has

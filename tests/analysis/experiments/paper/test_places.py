@@ -93,16 +93,33 @@ def test_a_place_that_no_wind_has_is_refused(scenario: Scenario, tmp_path: Path)
         in_its_wind(scenario, still, "a")
 
 
-def test_a_site_by_the_name_of_one_that_is_flown_is_refused(
+def test_a_site_that_is_given_is_flown_in_alone_and_drawn_apart(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A changed copy of the hill would be flown in the hill's place, and named as it."""
-    monkeypatch.setattr(Context, "fly", lambda *_: pytest.fail("it is flown"))
+    """Also a changed copy of the hill, which has the hill's name."""
+    flown: list[Scenario] = []
+
+    class Asked(Exception):
+        """What is flown is known."""
+
+    def fly(_: Context, variants: dict[object, Scenario]) -> None:
+        flown.extend(variants.values())
+        raise Asked
+
+    monkeypatch.setattr(Context, "fly", fly)
     site = tmp_path / "mine.toml"
     text = shipped("sites/hill.toml").read_text(encoding="utf-8")
     site.write_text(text.replace("wind_mps = 7.0", "wind_mps = 6.9"), encoding="utf-8")
-    with pytest.raises(ConfigError, match="a shipped site has it"):
+    with pytest.raises(Asked):
         places(Context(flyer=Flyer(), field=site))
+    assert {each.site for each in flown} == {str(site)}
+    assert len(flown) == 12
+    flown.clear()
+    with pytest.raises(Asked):
+        places(Context(flyer=Flyer()))
+    sites = ["hill", "tunnel", "tunnel_polynomial"]
+    assert {each.site for each in flown} == {str(shipped(f"sites/{name}.toml")) for name in sites}
+    assert len(flown) == 36
 
 
 def test_a_computed_plane_is_searched_within_its_fence(scenario: Scenario, tmp_path: Path) -> None:

@@ -310,7 +310,7 @@ def concluded() -> tuple[Result, list[ScenarioJob]]:
     return places(Context(flyer=flyer)), flyer.jobs
 
 
-def test_every_place_is_flown_in_both_airs_in_two_turbulences_and_with_a_step() -> None:
+def test_every_place_is_flown_in_all_three_airs_in_two_turbulences_and_with_a_step() -> None:
     result, jobs = concluded()
     flights = []
     for job in jobs:
@@ -321,16 +321,16 @@ def test_every_place_is_flown_in_both_airs_in_two_turbulences_and_with_a_step() 
         flights.append((Path(given.site).stem, given.first_line, kind, job.seed))
     assert flights == [
         (site, line, kind, seed)
-        for site in ("hill", "tunnel")
+        for site in ("hill", "tunnel", "tunnel_polynomial")
         for line in ("a", "a2", "b", "c")
         for kind in ("0.01", "0.03", "step")
         for seed in range(1, 9)
     ]
-    assert signs(result.claims) == "✓" * 8
+    assert signs(result.claims) == "✓" * 12
     (table,) = result.tables
-    assert [row[1] for row in table.rows] == ["[a]", "[a2]", "[b]", "[c]"] * 2
+    assert [row[1] for row in table.rows] == ["[a]", "[a2]", "[b]", "[c]"] * 3
     assert {len(row) for row in table.rows} == {len(table.columns)}
-    assert len(result.numbers["places"]) == 8
+    assert len(result.numbers["places"]) == 12
     assert result.numbers["places"][0]["shift"]["flown_m"] == pytest.approx(0.05)
     assert "with 3 % more wind half-way" in result.flown
     assert "0.825, 0.85, 1, 1.05 of best glide's" in result.flown
@@ -343,10 +343,10 @@ def test_each_air_is_drawn_in_the_wind_of_its_best_glide(
     drawn: list[Any] = []
     monkeypatch.setattr(field_figures, "field_figure", lambda *given: drawn.append(given))
     result = places(Context(flyer=Told(flown), quick=True, figures=tmp_path))
-    assert result.figures == ("places_1.png", "places_2.png")
+    assert result.figures == tuple(f"places_{n}.png" for n in (1, 2, 3))
     assert [given[0] for given in drawn] == [tmp_path / name for name in result.figures]
-    for given, names in zip(drawn, (result.numbers["places"][:4], result.numbers["places"][4:]),
-                            strict=True):  # fmt: skip
+    by_air = [result.numbers["places"][n : n + 4] for n in (0, 4, 8)]
+    for given, names in zip(drawn, by_air, strict=True):
         marked = given[5]
         assert [(each.x_m, each.z_m) for each in marked] == [(p["x_m"], p["z_m"]) for p in names]
         assert given[6] == f"{names[0]['site']}, wind of {names[2]['wind_mps']:.2f} m/s"

@@ -3,7 +3,8 @@
 [a] is where sink falls as wind grows, S′ = d sink / d u < 0, between the polar's slow end and its
 least sink; [b] is best glide, sink/u = S′; [c] is beyond it.  The paper draws them on a hill of
 potential flow (`field` computes those); here the aircraft is flown at each of them, on the hill,
-before the board, and in the air of any other site file.
+before the board, and in that board's wind as the polynomial of position that the paper simulates;
+or in the air of any other site file in their place.
 
 A contour holds only some speeds, so each place is flown in the wind nearest to the site's own, in
 steps of a twentieth, whose contour holds it within the bounds of the site.
@@ -50,7 +51,7 @@ from tgl_soar.sim.world import ground_outline
 from tgl_soar.types import polar_slope
 
 SLOW: Final = ("a", "a2")
-SITES: Final = ("sites/hill.toml", "sites/tunnel.toml")
+SITES: Final = ("sites/hill.toml", "sites/tunnel.toml", "sites/tunnel_polynomial.toml")
 WINDS: Final = (1.0, 0.95, 1.05, 0.9, 1.1, 0.85, 1.15)  # of the site's own, the nearest first
 # The wind of the second half, over that of the first: as much as a mean wind is known to, and small
 # enough that no place comes to the polar's end.
@@ -109,13 +110,7 @@ class FlownPlace(NamedTuple):
 def places(context: Context) -> Result:
     """Fly all three in every air."""
     scenario = context.scenario("places")
-    sites = [*map(shipped, SITES), *([] if context.field is None else [context.field])]
-    names = [load_site(site).site.name for site in sites]
-    if names[-1] in names[:-1]:
-        raise ConfigError(
-            f"{sites[-1]}: site.name = {names[-1]!r}: a shipped site has it, and its flights are"
-            " told apart by it: give it another name"
-        )
+    sites = [shipped(site) for site in SITES] if context.field is None else [context.field]
     here = {
         (load_site(site).site.name, line): in_its_wind(scenario, site, line)
         for site in sites
@@ -138,9 +133,8 @@ def places(context: Context) -> Result:
         flown="Still lines through [a] and [a2], near the stall, where sink falls as wind grows;"
         " [b], best glide; and [c], beyond it; at"
         f" {', '.join(f'{spec.speed_ratio:g}' for spec in scenario.lines.values())} of best glide's"
-        " speed. On the hill, before the board of the tunnel, and in the air of any site"
-        " given by `--field`; each place in the wind nearest to the site's own that has it. A"
-        f" minute each; and once more with {100 * (STRONGER - 1):.0f} % more wind half-way.",
+        f" speed, {_where(context)}; each place in the wind nearest to the site's own that has it."
+        f" A minute each; and once more with {100 * (STRONGER - 1):.0f} % more wind half-way.",
         claims=place_claims(scored),
         why=places_why(scored),
         tables=(Table("", COLUMNS, tuple(_row(s) for s in scored)),),
@@ -149,6 +143,15 @@ def places(context: Context) -> Result:
         scenarios=("places",),
         seeds=tuple(scenario.seeds),
         changed=CHANGED,
+    )
+
+
+def _where(context: Context) -> str:
+    if context.field is not None:
+        return "in the air of a site given by `--field`"
+    return (
+        "on the hill, before the board of the tunnel, and in that tunnel's wind as a polynomial of"
+        " position"
     )
 
 
@@ -430,7 +433,7 @@ def _draw(context: Context, here: dict[tuple[str, str], tuple[Scenario, float]])
     names: list[str] = []
     sites = list(dict.fromkeys(site for site, _ in here))
     for i, site in enumerate(sites):
-        path = context.figure(f"places_{i + 1}")
+        path = context.figure(f"places_{i + 1}" if context.field is None else "places_field")
         if path is None:
             continue
         from tgl_soar.analysis.report.field_figure import DrawnPlace, field_figure
