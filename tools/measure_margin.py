@@ -13,23 +13,13 @@ the looks before a loss: 0 is nothing).
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
-from unittest.mock import patch
 
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
-from tgl_soar.analysis.rare import soaring_process
-from tgl_soar.analysis.rare.soaring_process import (
-    GUST_S,
-    MOTION_S,
-    NOSE_M,
-    SHOWN,
-    SPEED_S,
-    SoaringProcess,
-)
+from tgl_soar.analysis.rare.soaring_process import OUTLOOK, SHOWN, Outlook, SoaringProcess
 from tgl_soar.cli.console import AIRFRAME, SITE
 from tgl_soar.cli.rare import case_of
 from tgl_soar.sim.flight import FLIES
@@ -38,6 +28,7 @@ SOON_S: Final = 3.0
 LATE_S: Final = 0.4
 LEAST: Final = 30  # looks of a class
 CLASSES: Final = 40
+NO_NOSE: Final = OUTLOOK._replace(speed_s=0.0, nose_m=0.0)
 COLUMN: Final = {name: n for n, name in enumerate(SHOWN)}
 
 
@@ -48,41 +39,30 @@ class Looks(NamedTuple):
     margins: dict[str, FloatArray]
 
 
-@contextmanager
-def weighed(motion_s: float, gust_s: float, speed_s: float, nose_m: float) -> Iterator[None]:
-    """The margin with other numbers."""
-    with patch.multiple(
-        soaring_process, MOTION_S=motion_s, GUST_S=gust_s, SPEED_S=speed_s, NOSE_M=nose_m
-    ):
-        yield
-
-
 def with_alpha(process: SoaringProcess, shown: FloatArray) -> FloatArray:
     """The mean angle of attack of half a second as a share of its own, beside the distances."""
     looks = process.looks_in(0.5)
     alpha = np.convolve(shown[:, COLUMN["alpha_rad"]], np.full(looks, 1.0 / looks))[: len(shown)]
     stall_rad = process.case.airframe.aerodynamics().stall_alpha_rad
     share = (stall_rad - alpha) / (stall_rad - process.prepared.world.trim.alpha_rad)
-    with weighed(MOTION_S, GUST_S, 0.0, 0.0):
-        return np.minimum(share, process.margins(shown))
+    return np.minimum(share, process.margins(shown, NO_NOSE))
 
 
-def by(*weights: float) -> Callable[..., FloatArray]:
-    """A margin with these numbers, as `weighed` has them."""
+def by(outlook: Outlook) -> Callable[..., FloatArray]:
+    """The margin by another outlook."""
 
     def margins(process: SoaringProcess, shown: FloatArray) -> FloatArray:
-        with weighed(*weights):
-            return process.margins(shown)
+        return process.margins(shown, outlook)
 
     return margins
 
 
 MARGINS: Final[dict[str, Callable[..., FloatArray]]] = {
-    "the place alone": by(0.0, 0.0, 0.0, 0.0),
-    "and of ½ s of the velocity, as it was until November 2026": by(0.5, 0.0, 0.0, 0.0),
-    "and of 0.3 s of the velocity": by(MOTION_S, 0.0, 0.0, 0.0),
-    "and of the gust": by(MOTION_S, GUST_S, 0.0, 0.0),
-    "and of airspeed and pitch: as it is": by(MOTION_S, GUST_S, SPEED_S, NOSE_M),
+    "the place alone": by(Outlook(0.0, 0.0, 0.0, 0.0)),
+    "and of ½ s of the velocity, as it was until November 2026": by(Outlook(0.5, 0.0, 0.0, 0.0)),
+    "and of 0.3 s of the velocity": by(NO_NOSE._replace(gust_s=0.0)),
+    "and of the gust": by(NO_NOSE),
+    "and of airspeed and pitch: as it is": by(OUTLOOK),
     "of gust and velocity, and a share of the angle of attack": with_alpha,
 }
 

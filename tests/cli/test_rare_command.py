@@ -23,6 +23,7 @@ from tgl_soar.cli import rare
 from tgl_soar.cli.app import app
 from tgl_soar.cli.console import AIRFRAME
 from tgl_soar.sim.campaign.manifest import read_manifest
+from tgl_soar.sim.campaign.rows import read_rows
 
 
 class Fallen(NamedTuple):
@@ -97,6 +98,31 @@ def test_the_ladder_is_printed_and_written(tmp_path: Path, monkeypatch: pytest.M
     assert first < second  # ranked
     assert "Kramers, below: 6e-05 a minute (-0.50 m along the line, cut off" in done.stdout
     assert "Kramers, above: 0.00012 a minute" in done.stdout
+
+
+@pytest.mark.usefixtures("halving")
+def test_ladders_and_plain_flights_are_rows_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr(checkpoint, "BATCH", 150)
+    words = [*WORDS, "--effort", "200", "--ladders", "3", "--plain", "500", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    content = json.loads((tmp_path / "rare.json").read_text())
+    ladders = list(read_rows(tmp_path / "flights/ladders/rows.parquet"))
+    assert [row["rungs"] for row in ladders] == content["ladders"]
+    causes = [loss["cause"] for row in ladders for loss in row["losses"]]
+    assert causes == [loss["cause"] for loss in content["last_seconds"]["losses"]]
+    batches = list(read_rows(tmp_path / "flights/plain/rows.parquet"))
+    assert [row["flights"] for row in batches] == [150, 150, 150, 50]
+    assert sum(row["lost"] for row in batches) == content["plain"]["lost"]
+    first = batches[0]["first_seed"]
+    assert [row["first_seed"] - first for row in batches] == [0, 150, 300, 450]
+    told = CliRunner().invoke(app, ["campaign", "report", str(tmp_path / "flights/plain")])
+    assert told.exit_code == 0, told.output
+    # What the table lacks, the last seconds, is still there to be drawn again.
+    assert CliRunner().invoke(app, [*words, "--resume"]).exit_code == 0
+    assert json.loads((tmp_path / "rare.json").read_text())["ladders"] == content["ladders"]
 
 
 @pytest.mark.usefixtures("halving")

@@ -9,10 +9,9 @@ from typing import Any
 import measure_margin
 import numpy as np
 import pytest
-from measure_margin import Looks, flown, report, told, weighed
+from measure_margin import MARGINS, Looks, flown, report, told
 
-from tgl_soar.analysis.rare import soaring_process
-from tgl_soar.analysis.rare.soaring_process import SHOWN
+from tgl_soar.analysis.rare.soaring_process import SHOWN, Outlook
 from tgl_soar.sim.flight import CRASHED, FLIES
 
 
@@ -30,12 +29,24 @@ def test_what_is_sorted_by_the_truth_tells_all_and_what_is_not_nothing() -> None
     assert told(lost, nothing) < told(lost, half) < told(lost, 1.0 - lost)
 
 
-def test_numbers_are_changed_for_as_long_as_they_are_used() -> None:
-    names = ("MOTION_S", "GUST_S", "SPEED_S", "NOSE_M")
-    before = [getattr(soaring_process, name) for name in names]
-    with weighed(0.4, 0.3, 0.2, 0.1):
-        assert [getattr(soaring_process, name) for name in names] == [0.4, 0.3, 0.2, 0.1]
-    assert [getattr(soaring_process, name) for name in names] == before
+def test_each_margin_is_of_its_own_outlook() -> None:
+    asked: list[Outlook] = []
+
+    class Process:
+        def margins(self, shown: Any, outlook: Outlook) -> Any:
+            asked.append(outlook)
+            return shown
+
+    process: Any = Process()
+    for name in list(MARGINS)[:-1]:
+        MARGINS[name](process, np.zeros(1))
+    assert asked == [
+        Outlook(0.0, 0.0, 0.0, 0.0),
+        Outlook(0.5, 0.0, 0.0, 0.0),
+        Outlook(0.3, 0.0, 0.0, 0.0),
+        Outlook(0.3, 0.14, 0.0, 0.0),
+        Outlook(0.3, 0.14, 0.1, 0.9),
+    ]
 
 
 class Two:

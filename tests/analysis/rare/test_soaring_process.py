@@ -15,12 +15,9 @@ from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, plac
 from tgl_soar.analysis.rare import soaring_process
 from tgl_soar.analysis.rare.soaring_process import (
     EDGE,
-    GUST_S,
-    MOTION_S,
-    NOSE_M,
+    OUTLOOK,
     SHOWN,
     SHOWN_EVERY,
-    SPEED_S,
     PartedFlight,
     SoaringCase,
     SoaringProcess,
@@ -137,15 +134,15 @@ def test_the_margin_looks_ahead() -> None:
     """An aircraft that sinks is as near to its loss as one that will be there and stands still."""
     _, z_m = process().place
     ahead = margin(z_m=z_m - 0.4)
-    assert margin((0.0, 0.0, -0.4 / MOTION_S)) == pytest.approx(ahead)
+    assert margin((0.0, 0.0, -0.4 / OUTLOOK.motion_s)) == pytest.approx(ahead)
     assert ahead < 1.0
-    assert margin((0.0, 0.0, 0.2 / MOTION_S), z_m=z_m - 0.2) == pytest.approx(1.0)
+    assert margin((0.0, 0.0, 0.2 / OUTLOOK.motion_s), z_m=z_m - 0.2) == pytest.approx(1.0)
 
 
 def test_a_lull_of_the_updraft_is_on_the_way_down() -> None:
     ours = process()
     lull = margin(updraft_mps=ours._updraft_mps - 2.0)
-    assert lull == pytest.approx(margin(z_m=ours.place[1] - 2.0 * GUST_S))
+    assert lull == pytest.approx(margin(z_m=ours.place[1] - 2.0 * OUTLOOK.gust_s))
     assert lull < 1.0
 
 
@@ -153,9 +150,9 @@ def test_slow_and_with_its_nose_down_it_is_on_the_way_down() -> None:
     ours = process()
     trim = ours.prepared.world.trim
     slow = margin(airspeed_mps=trim.airspeed_mps - 1.0)
-    assert slow == pytest.approx(margin(z_m=ours.place[1] - SPEED_S))
+    assert slow == pytest.approx(margin(z_m=ours.place[1] - OUTLOOK.speed_s))
     down = margin(pitch_rad=trim.pitch_rad - 0.2)
-    assert down == pytest.approx(margin(z_m=ours.place[1] - 0.2 * NOSE_M))
+    assert down == pytest.approx(margin(z_m=ours.place[1] - 0.2 * OUTLOOK.nose_m))
     assert max(slow, down) < 1.0
 
 

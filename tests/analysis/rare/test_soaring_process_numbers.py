@@ -73,7 +73,7 @@ def standing(steps: int, how: int = FLIES) -> Any:
 
 
 def test_it_looks_twenty_times_a_second_and_shows_five_seconds() -> None:
-    assert (module.MOTION_S, module.GUST_S, module.SPEED_S, module.NOSE_M) == (0.3, 0.14, 0.1, 0.9)
+    assert module.OUTLOOK == (0.3, 0.14, 0.1, 0.9)
     assert module.LAST_S == 5.0
     assert (module.EDGE, module.FAR_M, module.SHOWN_EVERY) == (0.1, 1000.0, 10)
     assert SHOWN == (

@@ -2,8 +2,8 @@
 on with.
 
 pilot/      the levels
-ladders/    each ladder
-plain/      how many were lost of each batch of plain flights
+ladders/    each ladder, a row of rows.parquet: its levels and its losses
+plain/      how many were lost of each batch of plain flights, a row
 """
 
 from __future__ import annotations
@@ -43,6 +43,13 @@ class RareRun(NamedTuple):
     lost: int  # of the plain flights
 
 
+class PlainBatch(NamedTuple):
+    """Plain flights that are flown, and counted, together."""
+
+    first_seed: int
+    flights: int
+
+
 class _Lost(NamedTuple):
     lost: int
 
@@ -73,8 +80,9 @@ def fly_kept(
     def ladder(number: int) -> Ladder:
         return climb(process, levels, request.effort, request.seed, executor, ladder=number)
 
-    def batch(seeds: range) -> _Lost:
-        return _Lost(sum(fly_all(partial(is_lost, process), seeds, executor)))
+    def batch(of: PlainBatch) -> _Lost:
+        those = range(of.first_seed, of.first_seed + of.flights)
+        return _Lost(sum(fly_all(partial(is_lost, process), those, executor)))
 
     seeds = plain_seeds(request.plain, request.seed)
     asked = {**parameters, **request._asdict()}
@@ -90,7 +98,9 @@ def fly_kept(
             kept.fly(InLine(), partial(on_part, title), size=1)
             return list(kept)
 
-        batches = [seeds[n : n + BATCH] for n in range(0, len(seeds), BATCH)]
+        batches = [
+            PlainBatch(seeds[n], min(BATCH, len(seeds) - n)) for n in range(0, len(seeds), BATCH)
+        ]
         # All are opened before any is flown: what may not be gone on with is refused at once.
         to_pilot = part(PILOT, pilot, [0])
         to_climb = part(LADDERS, ladder, range(request.ladders))
@@ -98,8 +108,10 @@ def fly_kept(
         (levels,) = flown("pilot", to_pilot)
         ladders = flown("ladders", to_climb)
         lost = sum(each.lost for each in flown("plain flights", to_fly))
+        for each in (to_climb, to_fly):
+            each.tabulate()
         for each in (to_pilot, to_climb, to_fly):
-            each.conclude()
+            each.conclude(keep=True)  # the last seconds of losses are in no table
     return RareRun(levels, tuple(ladders), lost)
 
 

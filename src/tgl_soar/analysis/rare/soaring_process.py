@@ -10,9 +10,9 @@ the aircraft hovers; a flight that has ended, by a crash or handed over, has non
     ground   along the normal of the profile, from the clearance at which the module hands over
     fence    to each of its five sides
 
-Where it will have got is its place and MOTION_S of its velocity; and in height besides
+Where it will have got (`Outlook`) is its place and motion_s of its velocity; and in height besides
 
-    GUST_S (w − w₀) + SPEED_S (V − V₀) + NOSE_M (θ − θ₀)
+    gust_s (w − w₀) + speed_s (V − V₀) + nose_m (θ − θ₀)
 
 with updraft w, airspeed V and pitch θ, and those where it hovers.  The last two are the margin to
 the stall: slow and with its nose down an aircraft falls into it.  Its angle of attack tells little
@@ -72,10 +72,18 @@ FAR_M: Final = 1e3  # where no ground is known
 SIDES: Final = ("upstream", "downstream", "to the side", "below", "above")  # of the fence
 STALLED_S: Final = 1.0  # so long beyond the stall, on average: longer than any gust
 EDGE: Final = 0.1  # of a share: from here on the margin falls as an exponential
-MOTION_S: Final = 0.3
-GUST_S: Final = 0.14
-SPEED_S: Final = 0.1
-NOSE_M: Final = 0.9
+
+
+class Outlook(NamedTuple):
+    """By what of its motion it is judged where an aircraft will have got."""
+
+    motion_s: float = 0.3
+    gust_s: float = 0.14
+    speed_s: float = 0.1
+    nose_m: float = 0.9  # for each radian
+
+
+OUTLOOK: Final = Outlook()
 
 
 class SoaringCase(NamedTuple):
@@ -251,7 +259,7 @@ class SoaringProcess:
         stall_rad = self.case.airframe.aerodynamics().stall_alpha_rad
         return why if seen["alpha_rad"][-last:].mean() < stall_rad else f"{why}, stalled"
 
-    def margins(self, shown: FloatArray) -> FloatArray:
+    def margins(self, shown: FloatArray, outlook: Outlook = OUTLOOK) -> FloatArray:
         """Of a flight that flies: at each look (n); shown: all of them so far, (n, columns of
         SHOWN)."""
         if not len(shown):
@@ -259,11 +267,11 @@ class SoaringProcess:
         seen = dict(zip(SHOWN, shown.T, strict=True))
         place = np.stack([seen["x_m"], seen["y_m"], seen["z_m"]])
         past_s = np.diff(seen["time_s"], prepend=-inf)  # of the first no velocity is known
-        place += MOTION_S * np.diff(place, prepend=place[:, :1]) / past_s
-        place[2] += GUST_S * (seen["updraft_mps"] - self._updraft_mps)
+        place += outlook.motion_s * np.diff(place, prepend=place[:, :1]) / past_s
+        place[2] += outlook.gust_s * (seen["updraft_mps"] - self._updraft_mps)
         trim = self.prepared.world.trim
-        place[2] += SPEED_S * (seen["airspeed_mps"] - trim.airspeed_mps)
-        place[2] += NOSE_M * (seen["pitch_rad"] - trim.pitch_rad)
+        place[2] += outlook.speed_s * (seen["airspeed_mps"] - trim.airspeed_mps)
+        place[2] += outlook.nose_m * (seen["pitch_rad"] - trim.pitch_rad)
         least = (self._distances(*place) / self._usual[:, None]).min(axis=0)
         # Nothing is lost that still flies: beyond a limit it goes on down, and never to 0.
         beyond: FloatArray = EDGE * np.exp(np.minimum(least, EDGE) / EDGE - 1.0)

@@ -162,12 +162,15 @@ class CampaignFolder(Generic[Job, Flown]):
                 raise JournalError(f"{self.path / ROWS}: cannot be written: {error}") from None
         return written
 
-    def conclude(self) -> None:
-        """All is done: the manifest says so, and where there is a table the journal goes."""
+    def conclude(self, *, keep: bool = False) -> None:
+        """All is done: the manifest says so, and where there is a table the journal goes.
+
+        keep: it stays, as who flew it reads more of a flight than a table holds.
+        """
         self.manifest.complete = True
         self.manifest.runs[-1]["ended"] = now()
         self._write_manifest()
-        if (self.path / ROWS).exists():
+        if (self.path / ROWS).exists() and not keep:
             (self.path / JOURNAL).unlink()
 
     def _runs_before(self, journal: Path) -> list[dict[str, Any]]:
