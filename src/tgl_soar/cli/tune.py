@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -11,7 +10,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tgl_soar.cli.batch_options import files_of
+from tgl_soar.cli.batch_options import ALL, Scheduler, Workers, executor_of, files_of
 from tgl_soar.cli.console import (
     AIRFRAME,
     AIRFRAME_FILE,
@@ -26,11 +25,14 @@ from tgl_soar.cli.console import (
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.config.parameter_store import write_state
 from tgl_soar.config.parameters import ParameterError
+from tgl_soar.sim.campaign.cluster import ClusterError
+from tgl_soar.sim.campaign.executors import WorkerLost
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.tuning.aircraft import Ranges
     from tgl_soar.analysis.tuning.progress_file import ProgressFile
     from tgl_soar.analysis.tuning.tune import Task, Tuned
+    from tgl_soar.sim.campaign.executors import Executor
 
 MANIFEST_SUFFIX: Final = ".manifest.json"  # behind the name of --out
 TASK_DIGITS: Final = 12  # beside a gain in an airframe file: enough to find the task again
@@ -70,9 +72,8 @@ def tune_command(
     ] = False,
     floor: Annotated[float, typer.Option(help="Least disk margin.", min=0.1, max=1.0)] = 0.5,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.", min=0)] = 1,
-    workers: Annotated[
-        int, typer.Option(help="Processes; 0: only this one.", min=0, max=256)
-    ] = os.cpu_count() or 1,
+    workers: Workers = ALL,
+    scheduler: Scheduler = None,
     flights: Annotated[
         int | None,
         typer.Option(help="Aircraft that judge the gains in flight; 0: none.", min=0, max=1000),
@@ -92,15 +93,15 @@ def tune_command(
     _check_outputs(airframe, out, airframe_out)
     try:
         task = _task(airframe, site, line, lean, (quick, flights))
-        task = task._replace(floor=floor, seed=seed, workers=workers)
+        task = task._replace(floor=floor, seed=seed)
         if own:
             task = task._replace(ranges=_of_one(task))
         progress = _progress(task, out, restart=restart)
-        tuned = _tuned(task, progress)
+        tuned = _tuned(task, progress, executor_of(workers, scheduler))
         _write(task, tuned, airframe, line or "", out, airframe_out, figure)
         _write_manifest(task, progress, out)
         progress.delete()
-    except (ConfigError, ParameterError, ImportError) as error:
+    except (ConfigError, ParameterError, ImportError, ClusterError, WorkerLost) as error:
         fail(error)
     except ValueError as error:
         fail(f"{airframe}: {error}")
@@ -175,7 +176,7 @@ def _progress(task: Task, out: Path, *, restart: bool) -> ProgressFile:
         fail(error)
 
 
-def _tuned(task: Task, found: ProgressFile) -> Tuned:
+def _tuned(task: Task, found: ProgressFile, executor: Executor) -> Tuned:
     from tgl_soar.analysis.tuning.tune import tune
 
     with Progress(
@@ -190,6 +191,7 @@ def _tuned(task: Task, found: ProgressFile) -> Tuned:
             task,
             found,
             lambda words, done: progress.update(shown, description=words, completed=done),
+            executor,
         )
 
 

@@ -35,6 +35,9 @@ class Pool:
         self.give = give
         self.asked: list[tuple[Any, Any]] = []
 
+    def prepare(self, kind: str) -> None:
+        assert kind in SETS
+
     def map(self, function: Any, jobs: Any) -> list[Any]:
         self.asked += [(function, job) for job in jobs]
         return [self.give(job) for job in jobs]
@@ -64,7 +67,7 @@ def test_unless_it_is_to_be_quick_it_takes_hours() -> None:
         "generations", "aircraft", "grid", "choosing", "judging", "judging_linear", "flight_s",
     )  # fmt: skip
     assert QUICK == (2, 1, 1, 0, 0, 2, 10.0)
-    assert (TASK.seed, TASK.effort, TASK.floor, TASK.workers) == (1, Effort(), 0.5, 1)
+    assert (TASK.seed, TASK.effort, TASK.floor) == (1, Effort(), 0.5)
     assert TASK.ranges == Ranges()
     assert module.TURBULENCES == (0.03, 0.05)
     assert module.CHUNK == 8
@@ -316,16 +319,24 @@ def test_who_evaluates_is_told_the_demands_and_flies_a_list_in_its_order(
     monkeypatch.setattr(module, "places_of", lambda demands, kind: (demands, kind))
     one: Any = "one"
     two: Any = "two"
+
+    def size(demands: Any, job: int) -> int:
+        assert demands == "one"
+        return abs(job)
+
+    def length(_demands: Any, job: str) -> int:
+        return len(job)
+
     pool = module._Pool(InLine(), one)
-    assert pool.map(abs, [-3, 2]) == [3, 2]
-    assert pool.map(abs, [-4]) == [4]
-    assert pool.map(len, ["a"]) == [1]
+    assert pool.map(size, [-3, 2]) == [3, 2]
+    assert pool.map(size, [-4]) == [4]
+    assert pool.map(length, ["a"]) == [1]
     assert first == [True, False, True]
-    places: Any = module._places_of(PLAIN)
+    pool.prepare(PLAIN)
+    places: Any = module._places_of(one, PLAIN)
     assert places == ("one", PLAIN)
-    assert module._places_of(PLAIN) is places
-    module._Pool(InLine(), two)  # another task: other places
-    places = module._places_of(PLAIN)
+    assert module._places_of(one, PLAIN) is places
+    places = module._places_of(two, PLAIN)  # another task: other places
     assert places == ("two", PLAIN)
     module._places.clear()
 
@@ -356,8 +367,8 @@ def test_the_whole_way_changes_both_sets_and_judges_before_and_after(
     effort = Effort(
         generations=3, aircraft=5, grid=2, choosing=0, judging=1, judging_linear=2, flight_s=4.0
     )
-    task = TASK._replace(effort=effort, workers=0, seed=3)
-    found = tune(task, ProgressFile(tmp_path / "p", "task"), lambda *_: None)
+    task = TASK._replace(effort=effort, seed=3)
+    found = tune(task, ProgressFile(tmp_path / "p", "task"), lambda *_: None, InLine())
     module._places.clear()
     demands = seen[0]
     assert (demands.aircraft, demands.seed, demands.grid) == (5, 3, 2)
@@ -375,6 +386,7 @@ def test_the_whole_way_changes_both_sets_and_judges_before_and_after(
     ]
     assert all(row.after.of == row.before.of == 1 for row in found.flown)
     none = effort._replace(judging=0)
-    again = tune(task._replace(effort=none), ProgressFile(tmp_path / "q", "t"), lambda *_: None)
+    other = ProgressFile(tmp_path / "q", "t")
+    again = tune(task._replace(effort=none), other, lambda *_: None, InLine())
     module._places.clear()
     assert again.flown == []

@@ -15,6 +15,9 @@ from pathlib import Path
 import pytest
 from cheap_flights import cheap_campaign, cheap_jobs, fly_cheaply
 
+from tgl_soar.analysis.tuning.progress_file import ProgressFile
+from tgl_soar.analysis.tuning.tune import QUICK, Task, digest, tune
+from tgl_soar.config.files import load_flight, shipped
 from tgl_soar.sim.campaign import cluster
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import InLine
@@ -137,6 +140,21 @@ def test_where_nobody_answers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
     with pytest.raises(ClusterError, match="no scheduler answers"):
         DaskCluster(f"tcp://127.0.0.1:{free_port()}")
+
+
+def test_gains_are_the_same_whoever_evaluates(machines: Machines, tmp_path: Path) -> None:
+    """A worker on another computer finds the places of the search by itself."""
+    pytest.importorskip("cma")
+    airframe, site = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
+    plane, _, values = load_flight(airframe, site)
+    task = Task(airframe=plane, site_path=site, values=values, lean_deg=15.0, effort=QUICK)
+    found = [
+        tune(task, ProgressFile(tmp_path / name, digest(task)), lambda *_: None, executor)
+        for name, executor in (("line", InLine()), ("dask", joined(machines, 2)))
+    ]
+    assert found[0] == found[1]
+    assert found[0].parameters
+    assert ProgressFile(tmp_path / "dask", digest(task)).runs[-1]["by"].startswith("dask at")
 
 
 FAULTS = """

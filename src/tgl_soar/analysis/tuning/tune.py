@@ -12,6 +12,7 @@ All that is found is kept on disk as it is found (`progress_file`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,7 +53,7 @@ from tgl_soar.control.found_gains import (
 )
 from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.sim.campaign.encoding import digest as digest_of
-from tgl_soar.sim.campaign.executors import Executor, local
+from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.manifest import Manifest, key_of, manifest_of, now
 from tgl_soar.sim.campaign.provenance import files_digest, installed_version
 from tgl_soar.sim.campaign.run import fly_all
@@ -88,7 +89,6 @@ class Task(NamedTuple):
     seed: int = 1
     effort: Effort = Effort()
     floor: float = FLOOR
-    workers: int = 1  # processes; 0: none but this one
     ranges: Ranges = Ranges()  # of the aircraft that the gains are to serve
 
 
@@ -158,8 +158,8 @@ def concluded(task: Task, progress: ProgressFile) -> Manifest:
     return found
 
 
-def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
-    """Gains for an airframe.
+def tune(task: Task, progress: ProgressFile, report: Report, executor: Executor) -> Tuned:
+    """Gains for an airframe, the same whoever evaluates and flies.
 
     Errors: ValueError for an airframe that is not known well enough, `ConfigError`,
     `ParameterError`, ImportError without `cma`, OSError where progress cannot be written.
@@ -183,7 +183,6 @@ def tune(task: Task, progress: ProgressFile, report: Report) -> Tuned:
     candidates: dict[str, list[Candidate]] = {}
     after: dict[str, Given] = {}
     values = start
-    executor = local(task.workers)
     progress.begin(executor.description)
     pool = _Pool(executor, demands)
     for kind in SETS:
@@ -236,7 +235,7 @@ def _candidates(
     progress: ProgressFile,
     report: Report,
 ) -> list[Candidate]:
-    _places_of(kind)  # once, for all processes that are split off
+    pool.prepare(kind)
 
     def evaluate(points: Sequence[Values]) -> list[Given]:
         return pool.map(_given_of, [(kind, with_gains(start, kind, gains)) for gains in points])
@@ -382,45 +381,46 @@ def _judged(at_work: _AtWork, values: ParameterSet, kind: str) -> Judged:
 
 
 class _Pool:
-    """Whoever evaluates: this process, or those that are split off from it for each list."""
+    """Whoever evaluates: what is looked at a list at a time, by this process or by others."""
 
     def __init__(self, executor: Executor, demands: Demands) -> None:
         self._executor = executor
-        self._known: set[Callable[[Any], Any]] = set()
-        _begin(demands)
+        self._demands = demands
+        self._known: set[_Evaluates] = set()
 
-    def map(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> list[Any]:
+    def map(self, function: _Evaluates, jobs: Sequence[Any]) -> list[Any]:
         """In the order of the jobs."""
         first_here = function not in self._known  # what it compiles and loads is there for all
         self._known.add(function)
-        return fly_all(function, jobs, self._executor, first_here=first_here)
+        return fly_all(
+            partial(function, self._demands), jobs, self._executor, first_here=first_here
+        )
+
+    def prepare(self, kind: str) -> None:
+        """Find the places of a kind here, once for all processes that are split off."""
+        _places_of(self._demands, kind)
 
 
-_asked: dict[str, Demands] = {}  # of this process
-_places: dict[str, Places] = {}
+_Evaluates = Callable[[Demands, Any], Any]
+# Of this process, for the demands that it was last asked: another computer's worker finds its own.
+_places: dict[str, tuple[Demands, Places]] = {}
 
 
-def _begin(demands: Demands) -> None:
-    """What this process is to evaluate."""
-    _asked["demands"] = demands
-    _places.clear()
-
-
-def _given_of(job: tuple[str, ParameterSet]) -> Given:
+def _given_of(demands: Demands, job: tuple[str, ParameterSet]) -> Given:
     kind, values = job
-    return given_by(_places_of(kind), values)
+    return given_by(_places_of(demands, kind), values)
 
 
-def _places_of(kind: str) -> Places:
-    if kind not in _places:
-        _places[kind] = places_of(_asked["demands"], kind)
-    return _places[kind]
+def _places_of(demands: Demands, kind: str) -> Places:
+    if kind not in _places or _places[kind][0] != demands:
+        _places[kind] = demands, places_of(demands, kind)
+    return _places[kind][1]
 
 
-def _alpha_of(job: tuple[str, ParameterSet, tuple[int, ...]]) -> float:
+def _alpha_of(demands: Demands, job: tuple[str, ParameterSet, tuple[int, ...]]) -> float:
     kind, values, seed = job
-    return place_margin(drawn_place(_asked["demands"], kind, seed), values)
+    return place_margin(drawn_place(demands, kind, seed), values)
 
 
-def _flight_of(job: tuple[flights.FlyingPlace, flights.Attempt]) -> flights.DrawnFlight:
+def _flight_of(_: Demands, job: tuple[flights.FlyingPlace, flights.Attempt]) -> flights.DrawnFlight:
     return flights.fly_attempt(*job)

@@ -19,6 +19,7 @@ from tgl_soar.analysis.tuning.aircraft import Ranges, ranges_of_one
 from tgl_soar.config.files import load_airframe
 from tgl_soar.control.found_gains import INERTIAL, PLAIN
 from tgl_soar.sim.aircraft import glide_polar
+from tgl_soar.sim.campaign.executors import InLine
 from tgl_soar.types import GlidePolar
 
 
@@ -133,7 +134,8 @@ def test_gains_are_sought_for_this_one_aircraft_over_the_hill(
 ) -> None:
     asked: list[Any] = []
 
-    def tune(task: Any, progress: Any, _tell: Any) -> Any:
+    def tune(task: Any, progress: Any, _tell: Any, executor: Any) -> Any:
+        assert isinstance(executor, InLine)  # it is one of many already
         asked.append((task, progress))
         return SimpleNamespace(parameters={"RHO_P": 1.25})
 
@@ -144,7 +146,7 @@ def test_gains_are_sought_for_this_one_aircraft_over_the_hill(
     assert task.airframe == load_airframe(a.USUAL)
     assert task.site_path == a.HILL
     assert task.lean_deg == 15.0
-    assert (task.effort, task.workers) == (a.QUICK_EFFORT, 0)
+    assert task.effort == a.QUICK_EFFORT
     assert task.ranges == ranges_of_one(task.airframe, task.values["CMD_DELAY"])
     (tmp_path / "written.toml").write_text(written, encoding="utf-8")
     assert load_airframe(tmp_path / "written.toml").parameters["RHO_P"] == 1.25

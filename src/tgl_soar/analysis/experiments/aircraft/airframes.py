@@ -60,6 +60,7 @@ from tgl_soar.control.found_gains import INERTIAL, SETS
 from tgl_soar.control.loop_margin import FLOOR
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
+from tgl_soar.sim.campaign.executors import InLine
 from tgl_soar.sim.glide_test import fly, wind_of
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.world import build_field, make_world
@@ -173,11 +174,10 @@ def tuned_for(text: str, name: str, effort: Effort, folder: Path) -> tuple[str, 
         values=values,
         lean_deg=LEAN_DEG,
         effort=effort,
-        workers=0,
         ranges=ranges_of_one(plane, values["CMD_DELAY"]),
     )
     progress = ProgressFile(folder / f"{name}.progress", digest(task))
-    found = tune(task, progress, lambda _words, _done: None)
+    found = tune(task, progress, lambda _words, _done: None, InLine())
     return airframe_with(text, found.parameters), found
 
 
