@@ -2,8 +2,8 @@
 # make test   lint, types and tests: those that are quick
 # make long   the tests that take minutes: whole experiments, an hour's flight of the whole module,
 #             native code made and tested, and every property with more examples
-# make ci     lint, types, the quick tests and a sixth of the others, in twelve minutes: what
-#             continuous integration runs; which sixth follows from the commit (tests/slow_tests.py)
+# make ci     lint, types, the quick tests and a seventh of the others, in twelve minutes: what
+#             continuous integration runs; which seventh follows from the commit (tests/slow_tests.py)
 # make all    lint, types and all tests but the long ones: before what you push, and a release
 # make bench  timings, as ratios against references of the same run
 # make docs   the pages as a site: out/docs/index.html

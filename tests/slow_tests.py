@@ -1,5 +1,5 @@
 """Which tests are not quick: `make test` leaves them out, `make all` runs them all, and `make ci`,
-which has twelve minutes, one of six parts of them: each commit's own, so that commits take turns.
+which has twelve minutes, one of seven parts of them: each commit's own, so that commits take turns.
 
 A test of a file that is named here belongs to a part, and so does one whose group for pytest-xdist
 is named in `GROUPS`.  The parts take about as long as one another, four minutes of two processors;
@@ -19,6 +19,7 @@ LAWS = (
     "autopilot/test_power_in_tick.py", "autopilot/test_rangefinder_in_tick.py",
     "autopilot/test_stall_margin_in_tick.py", "control/test_brake_shake.py",
     "control/test_brake_watch.py", "control/test_stream_conditions.py",
+    "docs/test_flown_sections.py",
     "estimation/test_cross_wind.py", "estimation/test_motion_filter.py", "estimation/test_wind.py",
     "onboard/test_attitude_route.py", "onboard/test_onboard_clocks.py",
     "onboard/test_duplicate_autopilot.py", "onboard/test_duplicate_modules.py",
@@ -88,6 +89,8 @@ PEOPLE = (
     "onboard/test_link_load.py", "onboard/test_operator_mistakes.py", "onboard/test_operators.py",
     "onboard/test_other_links.py",
 )  # fmt: skip
+# What flies as native code, which takes minutes to make.
+NATIVE = ("cli/test_native_made.py",)
 PARTS: Final[dict[str, tuple[str, ...]]] = {
     "laws": LAWS,
     "kernels": KERNELS,
@@ -95,6 +98,7 @@ PARTS: Final[dict[str, tuple[str, ...]]] = {
     "analysis": ANALYSIS,
     "gains": GAINS,
     "people": PEOPLE,
+    "native": NATIVE,
 }
 GROUPS: Final = {
     "kernels": "kernels",

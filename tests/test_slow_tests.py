@@ -29,8 +29,8 @@ def test_a_file_or_a_group_is_of_a_part_and_all_else_is_quick() -> None:
 def test_commits_take_turns() -> None:
     assert chosen("all") == NAMES
     assert chosen("none") == ()
-    assert [chosen(f"turn:{n:040x}") for n in range(6)] == [
-        (NAMES[n % len(NAMES)],) for n in range(6)
+    assert [chosen(f"turn:{n:040x}") for n in range(7)] == [
+        (NAMES[n % len(NAMES)],) for n in range(7)
     ]
     assert chosen("turn:") == NAMES[:1]  # no repository
     assert chosen("people,laws") == ("people", "laws")

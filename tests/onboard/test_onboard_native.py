@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import grp
 import json
 import os
@@ -11,7 +10,6 @@ import stat
 import subprocess
 import sys
 from collections import Counter
-from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -66,38 +64,6 @@ def test_of_what_the_flying_process_loads_all_is_compiled_but_for_what_stays() -
     assert loaded - set(native.MODULES) == stays
     assert set(native.MODULES) <= loaded
     assert set(Counter(native.MODULES).values()) == {1}
-
-
-def tuples_of_floats(text: str, values: dict[str, Any]) -> list[str]:
-    """Of a module's source and what its names come to: the constants that are tuples of nothing but
-    floats, and whose type is left to be found."""
-    return [
-        str(ast.unparse(node.target))
-        for node in ast.parse(text).body
-        if isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "Final"
-        for value in [values[ast.unparse(node.target)]]
-        if type(value) is tuple and value and all(type(each) is float for each in value)
-    ]
-
-
-def test_no_constant_that_is_compiled_is_a_tuple_of_nothing_but_floats() -> None:
-    """mypyc 2.4.1 takes such a constant for one that was never set, as soon as it is read:
-    the module would end in its first tick."""
-    found = {
-        name: there
-        for name in native.MODULES
-        if (there := tuples_of_floats(native.file_of(name).read_text(), vars(import_module(name))))
-    }
-    assert found == {}
-
-
-def test_tuples_of_floats_are_told_from_others() -> None:
-    text = (
-        "a: Final = (1.0, sqrt(2.0))\nb: Final = (1, 2.0)\nc: Final[tuple[float, ...]] = (1.0,)\n"
-        "d: Final = 1.0\ne = (1.0,)\nf: Final = ()\ng: Final = (-1.0,)\n"
-    )
-    values = {"a": (1.0, 1.4), "b": (1, 2.0), "c": (1.0,), "d": 1.0, "f": (), "g": (-1.0,)}
-    assert tuples_of_floats(text, values) == ["a", "g"]
 
 
 def test_native_code_is_of_this_interpreter_and_of_this_source() -> None:
