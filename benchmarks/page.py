@@ -13,6 +13,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from tgl_soar.analysis.experiments.staleness import mark, probe
+
 from .result import NO_AIM, Result
 
 BEGIN: Final = "<!-- results: made by `make bench`, do not edit -->"
@@ -185,8 +187,11 @@ def missed(page: str) -> str:
 
 
 def replace_table(path: Path, groups: Sequence[Group]) -> None:
-    """Between the two marks of a page.  Errors: ValueError where it has none."""
-    _replace(path, (BEGIN, END), markdown(groups))
+    """Between the two marks of a page, with the probes of the laws that were timed.
+
+    Errors: ValueError where it has none.
+    """
+    _replace(path, (BEGIN, END), f"{markdown(groups)}\n\n{mark(probe())}")
 
 
 def replace_missed(readme: Path, page: str) -> None:

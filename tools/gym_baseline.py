@@ -23,6 +23,7 @@ from typing import Any, Final, NamedTuple
 import cma
 import numpy as np
 
+from tgl_soar.analysis.experiments.further_probes import stamped
 from tgl_soar.gym import KINDS, OBSERVATION, SIZES, SoaringEnv
 
 TESTED: Final = 1_000_000  # flights from this seed on are never trained on
@@ -241,7 +242,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _, end, after = rest.partition(END)
         if not end:
             raise SystemExit(f"{page}: no marks {BEGIN!r} … {END!r} to write between")
-        page.write_text(f"{before}{BEGIN}\n\n{written}\n{END}{after}", encoding="utf-8")
+        section = stamped(page.name, "baseline", written)
+        page.write_text(f"{before}{BEGIN}\n\n{section}{END}{after}", encoding="utf-8")
         ours = next((f.gain for f in figures if f.policy == OURS), float("nan"))
         draw(args.docs / "images" / "gym.png", curves, ours)
 

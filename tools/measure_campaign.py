@@ -33,6 +33,7 @@ from typing import Any, Final, NamedTuple
 import psutil
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
+from tgl_soar.analysis.experiments.further_probes import stamped
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.flight_list import Campaign
@@ -391,7 +392,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _, end, after = rest.partition(END)
         if not end:
             raise SystemExit(f"{page}: no marks {BEGIN!r} … {END!r} to write between")
-        page.write_text(f"{before}{BEGIN}\n\n{written}\n{END}{after}", encoding="utf-8")
+        section = stamped(page.name, "speed", written)
+        page.write_text(f"{before}{BEGIN}\n\n{section}{END}{after}", encoding="utf-8")
         draw(args.docs / "images" / "campaign-speed.png", found, looks)
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from tgl_soar.analysis.campaigns import drawn_faults, report
 from tgl_soar.analysis.campaigns.long_flight import Part, fly_long
 from tgl_soar.analysis.campaigns.safety_timeline import draw_safety_timeline
+from tgl_soar.analysis.experiments.further_probes import stamped
 from tgl_soar.cli.batch_options import (
     ALL,
     Dispersion,
@@ -117,7 +118,8 @@ def faults(
             f"{' --dispersion' if dispersion else ''}"
         )
         whole = page.read_text(encoding="utf-8")
-        written = drawn_faults.section(counted, command)
+        name = "dispersed" if dispersion else "campaign"
+        written = stamped(page.name, name, drawn_faults.section(counted, command))
         page.write_text(drawn_faults.with_section(whole, written, dispersion), encoding="utf-8")
         say(f"table in {page}")
         if not dispersion:

@@ -23,6 +23,7 @@ from tgl_soar.analysis.experiments.catalogue import (
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
+from tgl_soar.analysis.experiments.further_probes import probe_for
 from tgl_soar.analysis.experiments.pages import (
     IMAGES,
     OWN_PAGES,
@@ -88,7 +89,7 @@ def experiment(
     model: Annotated[FlightModel | None, typer.Option(help=MODEL_HELP)] = None,
     field: Annotated[
         Path | None,
-        typer.Option(help="A site file, as of a CFD plane: `places` flies in its air too."),
+        typer.Option(help="A site file, as of a CFD plane: `places` flies in its air alone."),
     ] = None,
     workers: Workers = ALL,
     scheduler: Scheduler = None,
@@ -104,15 +105,15 @@ def experiment(
     if name == "list":
         _print_titles()
         return
-    _refuse(name, docs, model, quick, dispersion)
+    section = name if field is None else f"{name} --field SITE"
+    _refuse(name, section, docs, model, quick, dispersion)
     names = _named(name, model)
     figures: Path | None = out if docs is None else docs / IMAGES
     if not _can_draw():
         if docs is not None:
             fail("--docs needs figures, and they need matplotlib: pip install 'tgl_soar[figures]'")
         figures = None
-    # Of many, what is compiled for one experiment serves the next.
-    compiled_from = 2 if name in TOGETHER and not quick else COMPILED_FROM
+    compiled_from = 2 if name in TOGETHER and not quick else COMPILED_FROM  # one serves the next
     run = run_experiment if docs is None else run_whole
     begun = time.monotonic()
     results: list[Result] = []
@@ -149,7 +150,7 @@ def experiment(
         f" numbers in {out}/"
     )
     _print_figures(figures)
-    _write_pages(docs, results)
+    _write_pages(docs, section, results)
 
 
 def _folder(out: Path, field: Path | None, *, resume: bool, restart: bool) -> FlownFolder:
@@ -188,12 +189,13 @@ def _print_figures(figures: Path | None) -> None:
         console.print(f"figures in {figures}/")
 
 
-def _write_pages(docs: Path | None, results: list[Result]) -> None:
+def _write_pages(docs: Path | None, section: str, results: list[Result]) -> None:
     if docs is None:
         return
-    if results[0].name in OWN_PAGES:
-        page = docs / OWN_PAGES[results[0].name]
-        written = with_result(page.read_text(encoding="utf-8"), results[0])
+    if section in OWN_PAGES:
+        page = docs / OWN_PAGES[section]
+        ends = probe_for(page.name, section)
+        written = with_result(page.read_text(encoding="utf-8"), results[0], section, ends)
         page.write_text(written, encoding="utf-8")
         say(f"section in {page}")
         return
@@ -210,19 +212,26 @@ def _print_titles() -> None:
 
 
 def _refuse(
-    name: str, docs: Path | None, model: FlightModel | None, quick: bool, dispersion: bool
+    name: str,
+    section: str,
+    docs: Path | None,
+    model: FlightModel | None,
+    quick: bool,
+    dispersion: bool,
 ) -> None:
     """End with what is wrong with the arguments, if anything is."""
     if name not in TOGETHER and name not in EXPERIMENTS:
         known = ", ".join((*EXPERIMENTS, *TOGETHER))
         fail(f"no experiment named {name!r}; there are {known}")
-    if docs is not None and (name not in (*TOGETHER, *OWN_PAGES) or quick):
+    if section != name and name != "places":
+        fail("--field goes with `places`: no other experiment has a place of its own in any air")
+    if docs is not None and (section not in (*TOGETHER, *OWN_PAGES) or quick):
         names = ", ".join((*TOGETHER, *OWN_PAGES))
         fail(
             f"--docs goes with {names}, without --quick: a page has all of its experiments in full"
         )
-    if docs is not None and name in OWN_PAGES:
-        page_to_write(docs, OWN_PAGES[name], marks(name))
+    if docs is not None and section in OWN_PAGES:
+        page_to_write(docs, OWN_PAGES[section], marks(section))
     if docs is not None and model is not None:
         fail("--docs goes without --model: the page shows all of them")
     if dispersion and (name in TOGETHER or docs is not None or model == FlightModel.POINT_MASS):

@@ -311,9 +311,10 @@ def test_a_section_is_written_between_its_marks_and_nowhere_else() -> None:
             between(text, "<b>", "<e>", "new")
     begin = "<!-- name: begin; written by `tgl-soar experiment name --docs docs` -->"
     page_ = f"head\n{begin}old<!-- name: end -->\nfoot"
-    text = with_result(page_, result(YES))
+    ends = {"tunnel": (1.0, 2.0)}
+    text = with_result(page_, result(YES), "name", ends)
     assert text.startswith(f"head\n{begin}\n\n\nflown.\n")
-    assert text.endswith("<!-- name: end -->\nfoot")
+    assert text.endswith(f"\n\n{mark(ends)}\n\n<!-- name: end -->\nfoot")
     assert "old" not in text
     assert "## `name`" not in text  # the page has a heading of its own
     assert DISPERSED_WORDS not in text

@@ -186,8 +186,8 @@ def test_a_section_with_dispersed_aircraft_says_what_they_are() -> None:
     begin = "<!-- name: begin; written by `tgl-soar experiment name --docs docs` -->"
     marks = f"{begin}<!-- name: end -->"
     alone, both = result(YES), replace(result(YES), also={DISPERSED_AIRCRAFT: result(YES)})
-    assert DISPERSED_WORDS not in with_result(marks, alone)
-    assert DISPERSED_WORDS in with_result(marks, both)
+    assert DISPERSED_WORDS not in with_result(marks, alone, "name", {})
+    assert DISPERSED_WORDS in with_result(marks, both, "name", {})
 
 
 def test_what_both_models_say_alike_is_said_once() -> None:

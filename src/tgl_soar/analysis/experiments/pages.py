@@ -38,6 +38,7 @@ OWN_PAGES: Final = {
     "survey": "search.md",
     "nowhere": "search.md",
     "throttle": "search.md",
+    "places --field SITE": "theory.md",
 }
 
 # What pages said until 22 November 2026: every claim in one list, by thresholds of which many are
@@ -75,12 +76,13 @@ def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
     return written | ({AIMS: aims_page(aims, ends)} if aims else {})
 
 
-def with_result(text: str, result: Result) -> str:
-    """A page with an experiment's section between its marks.  Errors: ValueError without them."""
+def with_result(text: str, result: Result, name: str, ends: Ends) -> str:
+    """A page with an experiment's section between its marks; name: the section's; ends: of its
+    probes.  Errors: ValueError without marks."""
     section = as_markdown(result, IMAGES).partition("\n")[2]  # the page has a heading of its own
     if DISPERSED_AIRCRAFT in result.also:
         section += f"\n{DISPERSED_WORDS}\n"
-    return between(text, *marks(result.name), section)
+    return between(text, *marks(name), f"{section}\n{mark(ends)}\n")
 
 
 def marks(name: str) -> tuple[str, str]:

@@ -1,0 +1,120 @@
+"""Probes of what a line alone does not use: a brake, the way home, a throw, a search, faults.
+
+As those of `staleness`, each is a short flight whose end a section of a page carries; a section
+carries the probes of what its own flights do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Final
+
+import msgspec
+
+from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
+from tgl_soar.analysis.experiments.outdoors.outdoors import LAUNCH, PassageJob, fly_passage
+from tgl_soar.analysis.experiments.scenario import SensorSpec, TimedChange
+from tgl_soar.analysis.experiments.staleness import Ends, mark, probe, probed
+from tgl_soar.analysis.search.episode import fly_episode
+from tgl_soar.analysis.search.places import place
+from tgl_soar.analysis.search.searchers import MapSearch
+from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.control.search.lift_search import Sighting
+from tgl_soar.control.search.rollout import roll_out
+
+OLDER: Final = "> **The figures of this section are older than the laws.**"
+BRAKED: Final = {"TGL_HOLD": 2.0, "TGL_ALONG": -0.1}
+CHANGED_S: Final = 10.0  # it soars by then
+SEARCHED_S: Final = 4.0  # the map has been asked for a line a few times by then
+PLAIN, EVERY = SensorSpec(), SensorSpec(imu=True, pitot=True)
+Place = tuple[float, float]
+
+
+def _changed(
+    scenario: str,
+    seconds: float,
+    change: dict[str, float],
+    sensors: SensorSpec = PLAIN,
+    faults: Iterable[str] = (),
+) -> Place:
+    """Where a flight of `probed` ends, x and z [m], in which the operator sets parameters or
+    something fails."""
+    flown = msgspec.structs.replace(
+        probed(scenario, sensors, "rigid_body"),
+        duration_s=seconds,
+        changes=[TimedChange(time_s=CHANGED_S, parameters=change)] if change else [],
+        faults=list(faults),
+    )
+    path = fly_job(ScenarioJob(scenario=flown, seed=1)).path
+    return float(path["x_m"][-1]), float(path["z_m"][-1])
+
+
+def _thrown() -> Place:
+    flown = fly_passage(PassageJob(LAUNCH, seed=1))
+    return flown.along_m, flown.across_m  # not of a landing here: where it is to the landing place
+
+
+def _searched() -> Place:
+    airframe = load_airframe(shipped("airframes/eclipson_c.toml"))
+    polar = airframe.polar.as_polar()
+
+    def plain(_: Sighting) -> MapSearch:
+        search = MapSearch(polar)
+        search.roll = roll_out
+        return search
+
+    there = place("hill", 1)._replace(duration_s=SEARCHED_S)
+    path = fly_episode(there, airframe, "map", plain, plain=True).path
+    return float(path["x_m"][-1]), float(path["z_m"][-1])
+
+
+FURTHER: Final[dict[str, Callable[[], Place]]] = {
+    "a brake": partial(_changed, "point", 15.0, BRAKED, EVERY),
+    "home from the hill": partial(_changed, "speed", 25.0, {"ESC_START": 1.0}),
+    "beating": partial(_changed, "speed", 25.0, {"BEAT_START": 1.0}),
+    "from the hand": _thrown,
+    "a search": _searched,
+    "faults": partial(
+        _changed,
+        "static",
+        12.0,
+        {},
+        EVERY,
+        ("position.freeze start=3 for=0.6", "position.noise start=6", "imu.dropout start=9 for=1"),
+    ),
+}
+# By page and by the name in a section's marks: what its flights do beside soaring.
+SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
+    ("point.md", "point"): ("a brake",),
+    ("outdoors.md", "outdoors"): ("home from the hill", "from the hand"),
+    ("outdoors.md", "satellites"): ("home from the hill",),
+    ("outdoors.md", "rangefinder"): (),
+    ("outdoors.md", "hour"): ("home from the hill",),
+    ("outdoors.md", "beating"): ("home from the hill", "beating"),
+    ("margins.md", "margins"): (),
+    ("margins.md", "unseen"): (),
+    ("margins.md", "dispersed"): (),
+    ("margins.md", "leans"): (),
+    ("margins.md", "latency"): (),
+    ("margins.md", "airframes"): (),
+    ("search.md", "search"): ("a search",),
+    ("search.md", "nowhere"): ("a search", "home from the hill"),
+    ("search.md", "throttle"): ("a search",),
+    ("search.md", "survey"): (),
+    ("theory.md", "places --field SITE"): (),
+    ("safety.md", "campaign"): ("faults",),
+    ("safety.md", "dispersed"): ("faults",),
+    ("campaigns.md", "speed"): (),
+    ("gym.md", "baseline"): (),
+}
+
+
+def probe_for(page: str, section: str) -> Ends:
+    """Where the probes of a section end now, x and z [m].  Errors: KeyError."""
+    return probe() | {name: FURTHER[name]() for name in SECTIONS[page, section]}
+
+
+def stamped(page: str, section: str, written: str) -> str:
+    """A section as it is written, with its probes.  Errors: KeyError."""
+    return f"{written}\n{mark(probe_for(page, section))}\n"
