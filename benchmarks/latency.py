@@ -50,6 +50,8 @@ ASLEEP = "a minimal responder in C that sleeps"
 AWAKE = "a minimal responder in C that waits awake"
 IN_MAVUTIL = "a minimal responder with mavutil"
 FRACTIONS = (("p50", 0.5, 2.3), ("p99", 0.99, 2.5), ("p99.9", 0.999, 2.5))
+# Late answers, as the slowest may be slower; of a core, as the usual answer may.
+LATE_AIM, CORE_AIM = 2.5, 2.3
 REGULAR = "0"
 ARRIVALS = (  # of `c/vehicle.c`
     ("samples ± 0.2 ms", "200000"),
@@ -105,6 +107,7 @@ def _beside_all(name: str, measured: Measured) -> Iterator[Result]:
         reference=sum(ns > PERIOD_NS for ns in measured.awake_ns),
         unit=f"of {len(measured.awake_ns)}",
         reference_what=AWAKE,
+        aim=LATE_AIM,
     )
     yield Result(
         what=f"age of the sample at the surface, {name}, p50",
@@ -115,7 +118,7 @@ def _beside_all(name: str, measured: Measured) -> Iterator[Result]:
         aim=1.0,
     )
     yield _processor(name, measured, CPU_ALLOWED, ALLOWED, 1.0)
-    yield _processor(name, measured, measured.awake_cpu_percent, AWAKE)
+    yield _processor(name, measured, measured.awake_cpu_percent, AWAKE, CORE_AIM)
 
 
 def _beside(

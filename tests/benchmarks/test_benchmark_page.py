@@ -319,3 +319,5 @@ def test_every_latency_stands_beside_c_that_waits_awake_and_c_that_sleeps(
     processor = [row for row in rows if row.what == "the flying process, UDP"]
     assert (processor[0].reference, processor[0].aim) == (8.0, 1.0)
     assert processor[1].reference == 4.0
+    assert [row.aim for row in processor if row.reference_what == latency.AWAKE] == [2.3]
+    assert {row.aim for row in rows if row.what.startswith("answers later")} == {2.5}
