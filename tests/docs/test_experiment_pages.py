@@ -11,6 +11,7 @@ import pytest
 from tgl_soar.analysis.experiments import staleness
 from tgl_soar.analysis.experiments.catalogue import TOGETHER
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
+from tgl_soar.analysis.experiments.further_probes import probe_for_pages
 from tgl_soar.analysis.experiments.pages import AIMS, ONCE, PAPER, page
 from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
 from tgl_soar.config.files import shipped
@@ -22,7 +23,7 @@ PAGES = {PAPER: list(TOGETHER["paper"]), AIMS: list(TOGETHER["aims"])}
 
 @pytest.fixture(scope="module")
 def now() -> staleness.Ends:
-    return staleness.probe()
+    return probe_for_pages()
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -4,13 +4,22 @@ that they are older."""
 from __future__ import annotations
 
 import re
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
 
 from tgl_soar.analysis.experiments import further_probes, staleness
-from tgl_soar.analysis.experiments.further_probes import FURTHER, SECTIONS, probe_for, stamped
+from tgl_soar.analysis.experiments.further_probes import (
+    DISPERSED,
+    FURTHER,
+    IN_TUNNEL,
+    OVER_HILL,
+    SECTIONS,
+    probe_for,
+    probe_for_pages,
+    stamped,
+)
 from tgl_soar.analysis.experiments.pages import OWN_PAGES
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -69,9 +78,12 @@ def test_timings_are_of_the_laws_that_fly_or_say_that_they_are_older() -> None:
 
 def test_a_section_carries_its_own_probes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(further_probes, "probe", lambda: {"tunnel": (1.0, 2.0)})
-    monkeypatch.setitem(FURTHER, "a brake", lambda: (3.0, 4.0))
+    for n, name in enumerate(("a brake", *DISPERSED)):
+        monkeypatch.setitem(FURTHER, name, partial(tuple[float, float], (3.0, float(n))))
     ends = probe_for("point.md", "point")
-    assert ends == {"tunnel": (1.0, 2.0), "a brake": (3.0, 4.0)}
+    assert list(ends) == ["tunnel", "a brake", *DISPERSED]
+    assert list(ends.values()) == [(1.0, 2.0), (3.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
+    assert list(probe_for_pages()) == ["tunnel", *DISPERSED]
     text = stamped("point.md", "point", "| a | b |\n")
     assert text == f"| a | b |\n\n{staleness.mark(ends)}\n"
     assert staleness.differences(text, ends) == []
@@ -85,5 +97,9 @@ def test_the_probes_do_what_they_are_named_for() -> None:
         assert max(abs(a - b) for a, b in zip(further(name), plain, strict=True)) > 0.01, name
     point = further_probes._changed("point", 15.0, {}, further_probes.EVERY)
     assert abs(further("a brake")[1] - point[1]) > 0.01
+    filed = further_probes._changed("static", staleness.PROBED_S, {}, further_probes.EVERY)
+    assert max(abs(a - b) for a, b in zip(further(IN_TUNNEL), filed, strict=True)) > 0.01
+    filed = further_probes._changed("speed", staleness.PROBED_S, {}, further_probes.EVERY)
+    assert max(abs(a - b) for a, b in zip(further(OVER_HILL), filed, strict=True)) > 0.01
     quiet = further_probes._changed("static", 12.0, {}, further_probes.EVERY)
     assert further("faults") != pytest.approx(quiet, abs=1e-3)

@@ -50,6 +50,13 @@ def _changed(
     return float(path["x_m"][-1]), float(path["z_m"][-1])
 
 
+def _unlike_its_file(scenario: str) -> Place:
+    """Where an aircraft unlike its file, in air unlike its site's, ends, x and z [m]."""
+    flown = probed(scenario, EVERY, "rigid_body")
+    path = fly_job(ScenarioJob(scenario=flown, seed=1, dispersed=True)).path
+    return float(path["x_m"][-1]), float(path["z_m"][-1])
+
+
 def _thrown() -> Place:
     flown = fly_passage(PassageJob(LAUNCH, seed=1))
     return flown.along_m, flown.across_m  # not of a landing here: where it is to the landing place
@@ -69,7 +76,10 @@ def _searched() -> Place:
     return float(path["x_m"][-1]), float(path["z_m"][-1])
 
 
+IN_TUNNEL, OVER_HILL = DISPERSED = ("dispersed, in the tunnel", "dispersed, over the hill")
 FURTHER: Final[dict[str, Callable[[], Place]]] = {
+    IN_TUNNEL: partial(_unlike_its_file, "static"),
+    OVER_HILL: partial(_unlike_its_file, "speed"),
     "a brake": partial(_changed, "point", 15.0, BRAKED, EVERY),
     "home from the hill": partial(_changed, "speed", 25.0, {"ESC_START": 1.0}),
     "beating": partial(_changed, "speed", 25.0, {"BEAT_START": 1.0}),
@@ -86,25 +96,25 @@ FURTHER: Final[dict[str, Callable[[], Place]]] = {
 }
 # By page and by the name in a section's marks: what its flights do beside soaring.
 SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
-    ("point.md", "point"): ("a brake",),
-    ("outdoors.md", "outdoors"): ("home from the hill", "from the hand"),
-    ("outdoors.md", "satellites"): ("home from the hill",),
-    ("outdoors.md", "rangefinder"): (),
-    ("outdoors.md", "hour"): ("home from the hill",),
-    ("outdoors.md", "beating"): ("home from the hill", "beating"),
+    ("point.md", "point"): ("a brake", *DISPERSED),
+    ("outdoors.md", "outdoors"): ("home from the hill", "from the hand", OVER_HILL),
+    ("outdoors.md", "satellites"): ("home from the hill", OVER_HILL),
+    ("outdoors.md", "rangefinder"): (OVER_HILL,),
+    ("outdoors.md", "hour"): ("home from the hill", OVER_HILL),
+    ("outdoors.md", "beating"): ("home from the hill", "beating", OVER_HILL),
     ("margins.md", "margins"): (),
-    ("margins.md", "unseen"): (),
+    ("margins.md", "unseen"): DISPERSED,
     ("margins.md", "dispersed"): (),
-    ("margins.md", "leans"): (),
-    ("margins.md", "latency"): (),
+    ("margins.md", "leans"): DISPERSED,
+    ("margins.md", "latency"): DISPERSED,
     ("margins.md", "airframes"): (),
-    ("search.md", "search"): ("a search",),
-    ("search.md", "nowhere"): ("a search", "home from the hill"),
-    ("search.md", "throttle"): ("a search",),
-    ("search.md", "survey"): (),
-    ("theory.md", "places --field SITE"): (),
+    ("search.md", "search"): ("a search", *DISPERSED),
+    ("search.md", "nowhere"): ("a search", "home from the hill", *DISPERSED),
+    ("search.md", "throttle"): ("a search", *DISPERSED),
+    ("search.md", "survey"): (IN_TUNNEL,),
+    ("theory.md", "places --field SITE"): (IN_TUNNEL,),
     ("safety.md", "campaign"): ("faults",),
-    ("safety.md", "dispersed"): ("faults",),
+    ("safety.md", "dispersed"): ("faults", IN_TUNNEL),
     ("campaigns.md", "speed"): (),
     ("gym.md", "baseline"): (),
 }
@@ -113,6 +123,11 @@ SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
 def probe_for(page: str, section: str) -> Ends:
     """Where the probes of a section end now, x and z [m].  Errors: KeyError."""
     return probe() | {name: FURTHER[name]() for name in SECTIONS[page, section]}
+
+
+def probe_for_pages() -> Ends:
+    """The same of the pages that are written whole: all that they hold is flown dispersed too."""
+    return probe() | {name: FURTHER[name]() for name in DISPERSED}
 
 
 def stamped(page: str, section: str, written: str) -> str:

@@ -69,7 +69,7 @@ DISPERSED_WORDS: Final = (
 
 def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
     """The pages that have results, in Markdown by file name; ends: of the probes,
-    `staleness.probe()`."""
+    `further_probes.probe_for_pages()`."""
     paper = [result for result in results if not result.own]
     aims = [result for result in results if result.own]
     written = {PAPER: page(paper, ends)} if paper else {}
