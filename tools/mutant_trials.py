@@ -33,7 +33,7 @@ from typing import Final, NamedTuple
 import pytest
 from mutation_reach import HIDDEN, Reach, left_out, lines_of, used_s
 from mutations import Mutation, changed
-from tests_reaching import Imports, names_at
+from tests_reaching import Imports, mirrors, names_at
 
 BUDGET_S: Final = 30.0  # processor time for a mutant's tests, its processes' included
 PROGRESS: Final = 10  # mutants from one line of progress to the next
@@ -341,7 +341,8 @@ class Workshop:
         order = self._imports.tests_of(mutant.path, names)
         lines = lines_of(source, mutant.change.line)
         if self._reach is None or not self._reach.knows(mutant.path):
-            return [Tried(str(path)) for path in order]
+            # Those that are not quick would use all of the time up.
+            return [Tried(file) for file in sorted(map(str, order), key=self._last.__contains__)]
         if lines:
             return in_order(self._reach, mutant.path, lines, order, self._last)
         return quick_first(self._reach, mutant.path, order)
@@ -405,7 +406,7 @@ def in_order(
 
     def turn(file: str) -> tuple[bool, bool, bool, bool, float]:
         seconds = sum(at.get(file, {}).values())
-        its_own, is_quick = mirrors(file, path), file not in last
+        its_own, is_quick = mirrors(Path(file).stem, path.stem), file not in last
         first = its_own and is_quick
         return not (its_own or is_quick), not first, file not in at, not its_own, seconds
 
@@ -426,16 +427,11 @@ def quick_first(reach: Reach, path: Path, order: Sequence[Path]) -> list[Tried]:
     """
 
     def turn(file: str) -> int:
-        if mirrors(file, path):
+        if mirrors(Path(file).stem, path.stem):
             return 0
         return 1 if reach.whole_s(file) <= QUICK_S else 2
 
     return [Tried(file) for file in sorted(map(str, order), key=turn)]
-
-
-def mirrors(file: str, path: Path) -> bool:
-    """Whether a file of tests has the name of a module, or that and more."""
-    return f"{Path(file).stem}_".startswith(f"test_{path.stem}_")
 
 
 def described(mutant: Mutant, root: Path) -> str:

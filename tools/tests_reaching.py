@@ -67,22 +67,34 @@ class Imports:
                     queue.append(importer)
         mirror = Path("tests", *path.parent.parts[2:])
         reached = {file: n for file, n in found.items() if file.name.startswith("test_")}
-        name = f"test_{path.stem}.py"
-        mirrored = {self._root / mirror / name, self._root / mirror / path.stem / name}
+        # Of a module with much to test, several files: its name, or that and more; but
+        # `test_supervisor_texts.py` is another module's.
+        beside = [each.stem for each in (self._root / path.parent).glob("*.py")]
+        mirrored = {
+            file
+            for folder in (self._root / mirror, self._root / mirror / path.stem)
+            for file in folder.glob(f"test_{path.stem}*.py")
+            if path.stem == max((s for s in beside if mirrors(file.stem, s)), key=len, default="")
+        }
         for file in mirrored:
-            if file.is_file():
-                reached.setdefault(file, 0)
+            reached.setdefault(file, 0)
 
-        def order(file: Path) -> tuple[bool, float, bool, int]:
+        def order(file: Path) -> tuple[bool, bool, float, bool, int]:
             away = file.parent != self._root / mirror
             spoken = _words(file)
             nearer = 2 if names and names[0] in spoken else int(any(n in spoken for n in names))
             steps: float = reached[file] - nearer
             if file.relative_to(self._root) in KEPT:
                 steps = min(steps, JUST_BEFORE)
-            return file not in mirrored, steps, away, file.stat().st_size
+            named_so = file.stem == f"test_{path.stem}"
+            return file not in mirrored, not named_so, steps, away, file.stat().st_size
 
         return [file.relative_to(self._root) for file in sorted(reached, key=order)]
+
+
+def mirrors(test: str, module: str) -> bool:
+    """Whether a file of tests has the name of a module, or that and more; both without an end."""
+    return f"{test}_".startswith(f"test_{module}_")
 
 
 def names_at(source: str, line: int) -> list[str]:

@@ -127,6 +127,9 @@ def test_tests_of_a_file_come_nearest_first() -> None:
     assert "tests/autopilot/test_autopilot.py" in tests  # the autopilot imports it
     assert tests.index("tests/autopilot/test_autopilot.py") < tests.index("tests/cli/test_init.py")
     assert "tests/air/test_hill.py" not in tests  # no way leads there
+    orders = imports.tests_of(Path("src/tgl_soar/cli/page/orders.py"))
+    first = sorted(str(path) for path in orders[:2])
+    assert first == ["tests/cli/page/test_orders.py", "tests/cli/page/test_orders_commands.py"]
     at_the_root = imports.tests_of(Path("src/tgl_soar/autopilot.py"))
     assert at_the_root[0] == Path("tests/autopilot/test_autopilot.py")
     spectra = imports.tests_of(Path("src/tgl_soar/analysis/report/spectra.py"))
