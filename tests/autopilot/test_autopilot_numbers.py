@@ -179,6 +179,7 @@ def test_the_first_tick_has_no_history() -> None:
 # --- what a tick adds up ------------------------------------------------------------------------
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("mode", [modes.SOARING, modes.HOLDING])
 def test_what_the_brake_needs_of_the_pitch_is_added_to_it(
     monkeypatch: pytest.MonkeyPatch, mode: int
@@ -195,6 +196,7 @@ def test_what_the_brake_needs_of_the_pitch_is_added_to_it(
     assert braked.soaring.feedforward == pytest.approx(plain.soaring.feedforward + SMALL_RAD)
 
 
+@pytest.mark.interpreted
 def test_what_a_gust_takes_out_is_added_too(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = soaring().fly(0.2)
     plain = tick(flight)[1]
@@ -205,6 +207,7 @@ def test_what_a_gust_takes_out_is_added_too(monkeypatch: pytest.MonkeyPatch) -> 
     assert met.setpoints.heading_rad == pytest.approx(plain.setpoints.heading_rad + 0.01)
 
 
+@pytest.mark.interpreted
 def test_the_heading_is_to_the_waypoint_about_where_the_wind_comes_from(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -220,6 +223,7 @@ def test_the_heading_is_to_the_waypoint_about_where_the_wind_comes_from(
     assert output.setpoints.heading_rad == pytest.approx(0.02 + course)
 
 
+@pytest.mark.interpreted
 def test_an_excitation_is_added_to_the_setpoint_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = soaring().fly(0.2)
     plain = tick(flight)[1]
@@ -229,6 +233,7 @@ def test_an_excitation_is_added_to_the_setpoint_alone(monkeypatch: pytest.Monkey
     assert excited.soaring == plain.soaring
 
 
+@pytest.mark.interpreted
 def test_what_the_envelope_keeps_is_what_the_line_took(monkeypatch: pytest.MonkeyPatch) -> None:
     """theta_0, the line's integral and the brake's pitch: what holds the line at rest."""
     flight = soaring().fly(0.2)
@@ -251,6 +256,7 @@ def test_what_the_envelope_keeps_is_what_the_line_took(monkeypatch: pytest.Monke
     assert wanted == output.setpoints.pitch_rad == state.soaring.pitch_setpoint_rad
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("mode", "share"), [(modes.SOARING, 1.0), (modes.CAPTURING, 0.0), (modes.SEARCHING, 0.0)]
 )
@@ -272,6 +278,7 @@ def test_only_who_soars_on_a_line_is_blown_behind_it(
     assert asked == [-output.line.e_rho_m * share]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(("cut", "slewing"), [(CUT_NOSE_UP, 1), (1 << 9, -1), (0, 0)])
 def test_a_pitch_that_is_cut_holds_the_integral_back(
     monkeypatch: pytest.MonkeyPatch, cut: int, slewing: int
@@ -304,6 +311,7 @@ def test_who_turns_by_banking_is_given_a_bank() -> None:
     assert own.sideways != flight.state.sideways
 
 
+@pytest.mark.interpreted
 def test_who_turns_by_banking_is_level_where_it_holds_or_recovers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -329,6 +337,7 @@ def test_a_line_that_begins_anew_under_power_keeps_the_pitch() -> None:
     assert wanted[1] == pytest.approx(wanted[0])
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("in_hand", [False, True])
 def test_loops_begin_anew_in_a_hand_and_in_no_other_tick(
     monkeypatch: pytest.MonkeyPatch, in_hand: bool
@@ -347,6 +356,7 @@ def test_loops_begin_anew_in_a_hand_and_in_no_other_tick(
     assert asked == ([flight.state.loops] if in_hand else [])
 
 
+@pytest.mark.interpreted
 def test_accelerations_count_for_the_brake_once_they_have_all_the_weight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -436,6 +446,7 @@ def test_the_line_slides_where_it_is_flown(mode: int, slides: bool) -> None:
     assert (state.line != flight.state.line) == slides
 
 
+@pytest.mark.interpreted
 def test_a_new_line_begins_at_the_aircraft_with_the_speed_of_the_old_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -457,6 +468,7 @@ def test_a_new_line_begins_at_the_aircraft_with_the_speed_of_the_old_one(
     assert state.line.speed_mps == 0.0
 
 
+@pytest.mark.interpreted
 def test_a_launch_that_comes_to_its_line_begins_with_the_pitch_it_has(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -551,6 +563,7 @@ def asked_of(monkeypatch: pytest.MonkeyPatch, name: str) -> list[tuple[Any, ...]
     return asked
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("flies", "in_hand", "airborne"),
     [(True, False, True), (True, True, False), (False, False, False), (False, True, False)],
@@ -568,6 +581,7 @@ def test_the_air_is_read_in_flight_and_in_no_hand(
     assert asked[0][3] == airborne
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("after_s", "dt_s"), [(0.005, 0.005), (0.09, 0.09), (0.15, 0.1), (0.0, 0.0), (-0.5, 0.0)]
 )
@@ -580,6 +594,7 @@ def test_a_tick_s_interval_is_since_the_last_and_a_tenth_at_most(
     assert asked[0][5] == pytest.approx(dt_s, abs=1e-9)
 
 
+@pytest.mark.interpreted
 def test_before_it_flies_the_line_s_conditions_are_those_of_a_line_at_the_aircraft(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -593,6 +608,7 @@ def test_before_it_flies_the_line_s_conditions_are_those_of_a_line_at_the_aircra
     assert not found & (modes.ON_LINE | modes.LINE_MOVING)
 
 
+@pytest.mark.interpreted
 def test_an_engagement_begins_with_the_aircraft_s_own_rates(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -608,6 +624,7 @@ def test_an_engagement_begins_with_the_aircraft_s_own_rates(
     assert trim == flight.state.memory.pitch_trim.pitch_rad
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("runs", [False, True])
 def test_an_excitation_is_asked_whether_it_may_run_on(
     monkeypatch: pytest.MonkeyPatch, runs: bool

@@ -121,6 +121,7 @@ def test_the_search_reads_the_air_without_the_propeller() -> None:
     assert float(np.ravel(seen.excess_mps)[0]) < -0.3
 
 
+@pytest.mark.interpreted
 def test_who_soars_needs_no_power_for_the_way_home(monkeypatch: pytest.MonkeyPatch) -> None:
     """The height for it is gone, but it soars, and keeps its budget for where it does not."""
     monkeypatch.setattr(power, "time_left", lambda _: 0.0)

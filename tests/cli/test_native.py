@@ -23,8 +23,9 @@ from tgl_soar.onboard import native
 from tgl_soar.onboard.process import main
 
 TESTS = Path(__file__).parents[1]
-# The tests of what flies, in this process; those of links and processes are interpreted anyway.
-OF_WHAT_FLIES = (*("autopilot", "control", "estimation", "link", "onboard", "test_geometry.py"),)
+# The tests of what flies, in one process; those of links and processes are interpreted anyway.
+LAWS = ("autopilot", "control", "estimation", "test_geometry.py")
+LINKS = ("link", "onboard")
 
 
 @pytest.fixture
@@ -47,18 +48,12 @@ USE = "from tgl_soar.onboard import native; print(native.use(), native.words(), 
 # --- the real thing ------------------------------------------------------------------------------
 
 
-@pytest.mark.long
-@pytest.mark.first
-@pytest.mark.usefixtures("place")
-def test_native_code_passes_the_tests_of_what_flies() -> None:
-    """What `test_native_made.py` makes in the tests that are not so long."""
-    if shutil.which(os.environ.get("CC", "cc")) is None:
-        pytest.skip("no C compiler")
-    compiling.make(lambda _: None)
+def passed_by_native_code(folders: tuple[str, ...]) -> None:
+    """The tests of folders, which native code that is there runs."""
     run = subprocess.run(
         [
             *(sys.executable, "-m", "pytest", "-n", "0", "-p", "no:randomly", "-q"),
-            *(str(TESTS / name) for name in OF_WHAT_FLIES),
+            *(str(TESTS / name) for name in folders),
         ],
         cwd=TESTS.parent,
         env={**os.environ, "TGL_SOAR_TEST_NATIVE": "1"},
@@ -67,6 +62,17 @@ def test_native_code_passes_the_tests_of_what_flies() -> None:
         check=False,
     )
     assert run.returncode == 0, run.stdout[-4000:]
+
+
+@pytest.mark.long
+@pytest.mark.first
+@pytest.mark.usefixtures("place")
+def test_native_code_passes_the_tests_of_links_and_of_the_flying_process() -> None:
+    """Those of the laws it passes in `test_native_made.py`, which is not so long."""
+    if shutil.which(os.environ.get("CC", "cc")) is None:
+        pytest.skip("no C compiler")
+    compiling.make(lambda _: None)
+    passed_by_native_code(LINKS)
 
 
 # --- where there is none -------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_native import said
+from test_native import LAWS, passed_by_native_code, said
 
 from tgl_soar.cli import compile as compiling
 from tgl_soar.onboard import native
@@ -44,7 +44,7 @@ def test_native_code_does_what_the_source_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is made, flies a flight between processes as the source does, to the last bit (`make`
-    itself sees to that), and is taken by `run`."""
+    itself sees to that), is taken by `run`, and passes the tests of the laws."""
     if shutil.which(os.environ.get("CC", "cc")) is None:
         pytest.skip("no C compiler")
     place = tmp_path / "native"
@@ -69,3 +69,5 @@ def test_native_code_does_what_the_source_does(
         assert flown.endswith(ending)
 
     assert said(OF_THE_LINES_IN_C).split() == ["True", "True", "True", "3", "0"]
+
+    passed_by_native_code(LAWS)

@@ -56,7 +56,7 @@ SOUND = Health(
     faults=0,
 )
 NOUGHT: dict[str, Any] = dict.fromkeys(MotionQuality._fields, 0)
-SURE = MotionQuality(**NOUGHT)._replace(position_sigma_m=0.1, inertial=True)
+SURE = MotionQuality(**NOUGHT)._replace(position_sigma_m=0.1, inertial=True, jumped=False)
 LEVEL = STILL._replace(time_s=50.0, z_m=10.0)
 CLEAR = Margins(stall_rad=0.2, clearance_m=20.0, outside=0)
 

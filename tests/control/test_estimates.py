@@ -37,6 +37,8 @@ from tgl_soar.types import (
     SurfaceCommand,
 )
 
+pytestmark = pytest.mark.interpreted  # it stands in for parts of what flies
+
 parts: Any = tgl_soar.control.estimates
 DT = 0.005
 START_S = 20.0

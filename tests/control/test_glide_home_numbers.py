@@ -75,6 +75,7 @@ def test_a_time_that_stands_still_changes_nothing_of_it() -> None:
     assert (state.left_m, state.rate_mps) == (LEFT_M, -0.3)
 
 
+@pytest.mark.interpreted
 def test_out_of_the_air_everything_is_forgotten() -> None:
     armed = KNOWN._replace(armed=True, still_s=1.0)
     assert step(armed, view=FLIES._replace(flying=False)) == NO_ESCAPE

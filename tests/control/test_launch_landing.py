@@ -125,6 +125,7 @@ def stepped(
 # --- what is watched in a tick ------------------------------------------------------------------
 
 
+@pytest.mark.interpreted
 def test_a_launch_sees_how_far_the_line_has_to_go_and_how_far_off_it_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -148,6 +149,7 @@ def test_a_launch_sees_how_far_the_line_has_to_go_and_how_far_off_it_is(
     assert view.line_rests
 
 
+@pytest.mark.interpreted
 def test_a_launch_is_told_that_its_line_moves_and_that_the_place_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -159,6 +161,7 @@ def test_a_launch_is_told_that_its_line_moves_and_that_the_place_is_lost(
     assert not view.position_ok
 
 
+@pytest.mark.interpreted
 def test_a_launch_begins_with_its_mode_and_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = asked_of(monkeypatch, "launch_step")
     assert stepped(modes.SOARING).launch == launch.NO_LAUNCH
@@ -168,6 +171,7 @@ def test_a_launch_begins_with_its_mode_and_ends_with_it(monkeypatch: pytest.Monk
     assert [given[2] for given, _ in asked] == [True, False]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("mode", "moving", "goes_home", "soars"),
     [
@@ -192,6 +196,7 @@ def test_the_watch_of_the_height_knows_whether_a_line_at_rest_carries_it(
     assert (view.goes_home, view.soars) == (goes_home, soars)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("standing", "flies"),
     [
@@ -212,6 +217,7 @@ def test_nothing_of_the_air_is_watched_in_a_hand(
     assert (after.beat != NO_BEAT) == flies
 
 
+@pytest.mark.interpreted
 def test_a_watch_of_the_height_without_a_place_knows_so(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = asked_of(monkeypatch, "escape_step")
     stepped(modes.SOARING, now=with_health(position_ok=False))
@@ -408,6 +414,7 @@ def test_a_height_that_nobody_can_know_breaks_nothing_off() -> None:
     assert not found(state=homeward(**SHORT), now=lost, ESC_AUTO=1.0) & modes.BREAK_OFF
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("state", "seconds", "breaks"),
     [
@@ -426,6 +433,7 @@ def test_who_has_reckoned_for_too_long_goes_home_where_there_is_height(
     assert bool(bits & modes.BREAK_OFF) == breaks
 
 
+@pytest.mark.interpreted
 def test_a_place_that_is_reckoned_is_one_to_go_home_by() -> None:
     assert knows_place(LAWS, HERE)
     assert not knows_place(LAWS, with_health(position_ok=False))

@@ -332,6 +332,7 @@ def test_beating_banks_by_eighteen_degrees_or_what_is_allowed_if_more(
         assert degrees(straight) == pytest.approx(side_bank_deg)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(("steeper", "bank_deg"), [(0.0, 10.0), (0.2, 12.0), (0.5, 15.0)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_weave_that_may_be_steeper_banks_by_so_much_more_to_either_side(
@@ -352,6 +353,7 @@ def test_a_firmware_that_turns_is_given_a_bank_by_the_heading(mode: int) -> None
     assert degrees(turning_bank(laws, mode, -1.5, 0.0)) == pytest.approx(-most_deg)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("mode", "part", "outward"),
     [
@@ -381,6 +383,7 @@ def test_each_glide_is_told_what_it_needs(
     assert not (given[3] if part == "glide_step" else named["position_ok"])
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("below_rad", "blocked", "held"),
     [(0.036, 1, True), (0.034, 1, False), (0.036, 0, False), (0.036, -1, False)],
@@ -397,6 +400,7 @@ def test_a_nose_is_held_two_degrees_below_its_setpoint_with_all_of_the_elevator(
             assert asked[0][1]["nose_held"] == held
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("measured", [True, False])
 @pytest.mark.parametrize(
     ("mode", "part"), [(modes.LANDING, "glide_setpoints"), (modes.BEATING, "beat_setpoints")]

@@ -214,6 +214,7 @@ def view(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ThrottleView]:
     return given
 
 
+@pytest.mark.interpreted
 def test_it_is_told_how_fast_one_that_soars_is_brought_back(
     view: Callable[..., ThrottleView],
 ) -> None:
@@ -231,6 +232,7 @@ def test_it_is_told_how_fast_one_that_soars_is_brought_back(
         assert view(ahead=lost).returns_per_s == 0.0
 
 
+@pytest.mark.interpreted
 def test_it_is_told_how_the_aircraft_is(view: Callable[..., ThrottleView]) -> None:
     now = estimates(STILL._replace(climb_mps=-0.7), airspeed_mps=8.25, clearance_m=4.0)
     seen = view(now=now)
@@ -245,6 +247,7 @@ def test_it_is_told_how_the_aircraft_is(view: Callable[..., ThrottleView]) -> No
 SHORT = escape(armed=True, left_m=-2.0)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("mode", "ahead", "way", "told"),
     [

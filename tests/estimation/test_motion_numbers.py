@@ -456,6 +456,7 @@ def test_dead_reckoning_is_said_since_it_began() -> None:
     assert quality(flown(reckoning=Reckoning(1.3, 1.3, True))).reckoned_s == 0.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     "shift", [(1.0, 0.0, 0.0), (0.0, -2.0, 0.0), (0.0, 0.0, 3.0), (1.0, -2.0, 3.0)]
 )

@@ -18,6 +18,8 @@ from tgl_soar.link.autopilots.requirements import MUST, SHOULD, Needs, Requireme
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import Outbound, ParamRequestRead, ParamValue, Source
 
+pytestmark = pytest.mark.interpreted  # it stands in for parts of what flies
+
 CHANNELS = SurfaceChannels(
     elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900),
     aileron=SurfaceChannel(channel=1, pwm_min=1100, pwm_trim=1500, pwm_max=1900),

@@ -18,6 +18,8 @@ from tgl_soar.link.pose_forwarding import (
 from tgl_soar.link.sources import MOCAP, VISION
 from tgl_soar.types import NO_FIX, PositionFix
 
+pytestmark = pytest.mark.interpreted  # it stands in for parts of what flies
+
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 DIAGONAL = (0, 6, 11, 15, 18, 20)  # of an upper triangle of 6 x 6, row by row
 

@@ -25,6 +25,8 @@ from tgl_soar.onboard.engage_switch import EngageSwitch
 from tgl_soar.onboard.gnss_watch import GnssWatch
 from tgl_soar.onboard.station_watch import StationWatch
 
+pytestmark = pytest.mark.interpreted  # it stands in for parts of what flies
+
 Switch: Any = EngageSwitch
 OWN, STATION, OTHER = Source(1, 191), Source(255, 190), Source(254, 190)
 ON, OFF, MIDDLE = 1900, 1100, 1500

@@ -25,6 +25,8 @@ from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder
 from tgl_soar.onboard.outbox import Outbox, frame_of
 
+pytestmark = pytest.mark.interpreted  # it stands in for parts of what flies
+
 OWN, OVERRIDE, AUTOPILOT, STATION = (
     Source(1, 191), Source(255, 191), Source(1, 1), Source(255, 190),
 )  # fmt: skip

@@ -5,7 +5,11 @@ from __future__ import annotations
 import socket
 from contextlib import closing
 
+import pytest
+
 from tgl_soar.link.transports.byte_stream import RETRY_S, ByteStream
+
+pytestmark = pytest.mark.interpreted  # it stands in for parts of what flies
 
 
 class Pairs(ByteStream):

@@ -279,6 +279,7 @@ def test_a_report_of_the_link_is_a_row(log: Log) -> None:
 # --- frames -------------------------------------------------------------------------------------
 
 
+@pytest.mark.interpreted
 def test_frames_have_the_time_of_day_at_which_they_came(log: Log) -> None:
     log.begins()
     log.now_s = 50.25
@@ -373,6 +374,7 @@ def handed(log: Log) -> list[str]:
     return found
 
 
+@pytest.mark.interpreted
 def test_what_is_there_is_handed_over_every_half_a_second(log: Log) -> None:
     """Rows in the tick that packs ticks, frames four ticks later."""
     log.begins()
@@ -473,6 +475,7 @@ def test_a_flood_is_said_once_and_counted_in_the_log(log: Log) -> None:
     assert b"wire: 9 frames" in said()[1]
 
 
+@pytest.mark.interpreted
 def test_at_the_end_it_says_where_the_log_is_and_what_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
