@@ -1,7 +1,7 @@
 # make run    fly the three-leg flight between real processes and draw it
 # make test   lint, types and tests: those that are quick
 # make long   the tests that take minutes: whole experiments, an hour's flight of the whole module,
-#             native code made and tested, and every property with more examples
+#             links and the flying process on native code, every property with more examples
 # make ci     lint, types, the quick tests and a seventh of the others, in twelve minutes: what
 #             continuous integration runs; which seventh follows from the commit (tests/slow_tests.py)
 # make all    lint, types and all tests but the long ones: before what you push, and a release
