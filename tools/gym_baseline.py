@@ -24,6 +24,7 @@ import cma
 import numpy as np
 
 from tgl_soar.analysis.experiments.further_probes import stamped
+from tgl_soar.analysis.experiments.pages import between
 from tgl_soar.gym import KINDS, OBSERVATION, SIZES, SoaringEnv
 
 TESTED: Final = 1_000_000  # flights from this seed on are never trained on
@@ -238,12 +239,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(written, f"{time.monotonic() - begun:.0f} s")
     if args.docs is not None:
         page = args.docs / "gym.md"
-        before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-        _, end, after = rest.partition(END)
-        if not end:
-            raise SystemExit(f"{page}: no marks {BEGIN!r} … {END!r} to write between")
         section = stamped(page.name, "baseline", written)
-        page.write_text(f"{before}{BEGIN}\n\n{section}{END}{after}", encoding="utf-8")
+        try:
+            text = between(page.read_text(encoding="utf-8"), BEGIN, END, section)
+        except ValueError as error:
+            raise SystemExit(f"{page}: {error}") from None
+        page.write_text(text, encoding="utf-8")
         ours = next((f.gain for f in figures if f.policy == OURS), float("nan"))
         draw(args.docs / "images" / "gym.png", curves, ours)
 

@@ -34,6 +34,7 @@ import psutil
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
 from tgl_soar.analysis.experiments.further_probes import stamped
+from tgl_soar.analysis.experiments.pages import between
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.flight_list import Campaign
@@ -388,12 +389,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(written)
     if args.docs is not None:
         page = args.docs / "campaigns.md"
-        before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-        _, end, after = rest.partition(END)
-        if not end:
-            raise SystemExit(f"{page}: no marks {BEGIN!r} … {END!r} to write between")
         section = stamped(page.name, "speed", written)
-        page.write_text(f"{before}{BEGIN}\n\n{section}{END}{after}", encoding="utf-8")
+        try:
+            text = between(page.read_text(encoding="utf-8"), BEGIN, END, section)
+        except ValueError as error:
+            raise SystemExit(f"{page}: {error}") from None
+        page.write_text(text, encoding="utf-8")
         draw(args.docs / "images" / "campaign-speed.png", found, looks)
 
 
