@@ -109,3 +109,68 @@ def test_a_wind_that_never_blows_is_named(wind: float) -> None:
     with pytest.raises(ValueError, match=r"must be positive and below 1000 m/s") as error:
         HillField(wind, 20.0)
     assert f"hill wind {wind} m/s" in str(error.value)
+
+
+SHEARED = HILL._replace(growth=0.14)
+
+
+@given(st.floats(0.0, pi), st.floats(-1.0, 1.0))
+def test_no_flow_through_the_hill_in_a_sheared_wind(theta: float, growth: float) -> None:
+    x, z = 20.0 * (1 + 1e-12) * cos(theta), 20.0 * (1 + 1e-12) * sin(theta)
+    u, w = hill_wind(HILL._replace(growth=growth), x, z)
+    assert abs(u * cos(theta) + w * sin(theta)) < 1e-9  # rounding of numbers near 10
+
+
+@given(st.floats(-100.0, -15.0), st.floats(15.0, 100.0))
+def test_the_vorticity_of_a_sheared_wind_is_the_same_everywhere(x: float, z: float) -> None:
+    h = 1e-3
+    (ue, we), (uw, ww) = hill_wind(SHEARED, x + h, z), hill_wind(SHEARED, x - h, z)
+    (uu, wu), (ud, wd) = hill_wind(SHEARED, x, z + h), hill_wind(SHEARED, x, z - h)
+    # As of the flow without shear: second differences.
+    assert abs((ue - uw) + (wu - wd)) / (2 * h) < 1e-8
+    assert ((uu - ud) - (we - ww)) / (2 * h) == pytest.approx(0.14 * 9.0 / 20.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("z", [0.0, 20.0, 50.0])
+def test_far_upstream_a_sheared_wind_grows_with_height(z: float) -> None:
+    # 4/3 of (R / x)² are left of what the hill does.
+    assert hill_wind(SHEARED, -1e5, z) == pytest.approx(
+        (9.0 * (1.0 + 0.14 * (z / 20.0 - 1.0)), 0.0), abs=1e-5
+    )
+
+
+def test_a_sheared_wind_at_the_top_the_foot_and_on_level_ground() -> None:
+    # On the hill ζ is on the unit circle: at the top it is −i, artanh(−i) is −i π/4, and B −2.
+    top = 0.86 * 18.0 + 0.14 * 9.0 * (1.0 + 2.0 / pi)
+    assert hill_wind(SHEARED, 0.0, 20.0) == pytest.approx((top, 0.0))
+    for x in (-20.0, 20.0):
+        assert hill_wind(SHEARED, x, 0.0) == (0.0, 0.0)
+    # Two radii before the axis: ζ is −1/2, and artanh(1/2) ln(3) / 2.
+    taken_back = 15.0 / 16.0 * float(np.log(3.0)) - 3.0 / 4.0
+    level = 0.86 * 9.0 * 0.75 - 0.14 * 9.0 / pi * taken_back
+    assert hill_wind(SHEARED, -40.0, 0.0) == pytest.approx((level, 0.0))
+
+
+@pytest.mark.parametrize("growth", [-1.0, -0.1, 0.14, 1.0])
+def test_arrays_of_a_sheared_wind_equal_single_queries(growth: float) -> None:
+    field = HillField(9.0, 20.0, growth)
+    x, z = np.meshgrid(np.linspace(-50, 50, 21), np.linspace(-5, 60, 14), indexing="ij")
+    u, v, w = field.wind(x, 0.0, z)
+    assert np.isfinite(u).all()
+    for i in range(21):
+        for k in range(14):
+            one = field.wind_at(float(x[i, k]), 0.0, float(z[i, k]), 0.0)
+            assert (u[i, k], v[i, k], w[i, k]) == pytest.approx(one, abs=1e-12)
+    assert (float(u[10, 0]), float(w[10, 0])) == (0.0, 0.0)  # in the ground
+
+
+def test_a_place_without_end_is_no_error() -> None:
+    u, w = hill_wind(SHEARED, -float("inf"), 3.0)
+    assert np.isnan(u)
+    assert np.isnan(w)
+
+
+@pytest.mark.parametrize("growth", [-1.01, 1.01, float("nan")])
+def test_a_growth_that_no_wind_has_is_named(growth: float) -> None:
+    with pytest.raises(ValueError, match=r"growth of the wind with height .* must be -1 \.\.\. 1"):
+        HillField(9.0, 20.0, growth)

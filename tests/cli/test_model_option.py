@@ -126,7 +126,7 @@ def test_the_page_of_the_paper_is_flown_by_both_models_and_dispersed(
 
         return fly
 
-    monkeypatch.setattr(experiment_command, "probe_for_pages", lambda: {"tunnel": (0.25, 1.5)})
+    monkeypatch.setattr(experiment_command, "probe_for_page", lambda _: {"tunnel": (0.25, 1.5)})
     monkeypatch.setattr(catalogue, "EXPERIMENTS", {name: flies(name) for name in TITLES})
     words = ["experiment", "all", "--workers", "0", "--out", str(tmp_path / "out")]
     reported = RUN.invoke(app, [*words, "--docs", str(tmp_path)])

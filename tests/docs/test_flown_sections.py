@@ -15,12 +15,13 @@ from tgl_soar.analysis.experiments.further_probes import (
     FURTHER,
     IN_TUNNEL,
     OVER_HILL,
+    SEARCHING,
     SECTIONS,
     probe_for,
-    probe_for_pages,
+    probe_for_page,
     stamped,
 )
-from tgl_soar.analysis.experiments.pages import OWN_PAGES
+from tgl_soar.analysis.experiments.pages import AIMS, OWN_PAGES, PAPER
 
 DOCS = Path(__file__).parents[2] / "docs"
 # The table that `make bench` writes has its own marks.
@@ -83,7 +84,8 @@ def test_a_section_carries_its_own_probes(monkeypatch: pytest.MonkeyPatch) -> No
     ends = probe_for("point.md", "point")
     assert list(ends) == ["tunnel", "a brake", *DISPERSED]
     assert list(ends.values()) == [(1.0, 2.0), (3.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
-    assert list(probe_for_pages()) == ["tunnel", *DISPERSED]
+    assert list(probe_for_page(PAPER)) == ["tunnel", *DISPERSED]
+    assert list(probe_for_page(AIMS)) == ["tunnel", IN_TUNNEL]
     text = stamped("point.md", "point", "| a | b |\n")
     assert text == f"| a | b |\n\n{staleness.mark(ends)}\n"
     assert staleness.differences(text, ends) == []
@@ -101,5 +103,7 @@ def test_the_probes_do_what_they_are_named_for() -> None:
     assert max(abs(a - b) for a, b in zip(further(IN_TUNNEL), filed, strict=True)) > 0.01
     filed = further_probes._changed("speed", staleness.PROBED_S, {}, further_probes.EVERY)
     assert max(abs(a - b) for a, b in zip(further(OVER_HILL), filed, strict=True)) > 0.01
+    for other in (further("a search"), further(OVER_HILL)):
+        assert max(abs(a - b) for a, b in zip(further(SEARCHING), other, strict=True)) > 0.01
     quiet = further_probes._changed("static", 12.0, {}, further_probes.EVERY)
     assert further("faults") != pytest.approx(quiet, abs=1e-3)

@@ -23,7 +23,7 @@ from tgl_soar.analysis.experiments.catalogue import (
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
-from tgl_soar.analysis.experiments.further_probes import probe_for, probe_for_pages
+from tgl_soar.analysis.experiments.further_probes import probe_for, probe_for_page
 from tgl_soar.analysis.experiments.pages import (
     IMAGES,
     OWN_PAGES,
@@ -198,7 +198,7 @@ def _write_pages(docs: Path | None, section: str, results: list[Result]) -> None
         page.write_text(written, encoding="utf-8")
         say(f"section in {page}")
         return
-    for name, text in pages(results, probe_for_pages()).items():
+    for name, text in pages(results, probe_for_page).items():
         (docs / name).write_text(text, encoding="utf-8")
         say(f"page in {docs / name}")
 

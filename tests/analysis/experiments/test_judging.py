@@ -263,9 +263,9 @@ def test_a_verdict_says_on_how_many_claims_it_rests() -> None:
 def test_pages_are_written_for_what_there_is() -> None:
     ends = {"a probe": (1.0, 2.0)}
     paper, ours = result(YES), result(YES, name="ours", own=True)
-    assert set(pages([paper], ends)) == {"experiments.md"}
-    assert set(pages([ours], ends)) == {"aims.md"}
-    assert pages([], ends) == {}
+    assert set(pages([paper], lambda _: ends)) == {"experiments.md"}
+    assert set(pages([ours], lambda _: ends)) == {"aims.md"}
+    assert pages([], lambda _: ends) == {}
     text = page([paper], ends)
     assert text.startswith("# The paper's experiments, flown in simulation\n\n")
     assert text.endswith(f"\n\n{mark(ends)}\n")

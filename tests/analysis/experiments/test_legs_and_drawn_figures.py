@@ -345,6 +345,7 @@ def test_what_a_flight_draws_is_its_seeds_but_what_is_drawn_already() -> None:
         lift=1.0, drag=1.0, stall_rad=0.0, inertia=1.0, pitch_effect=1.0, turn_effect=1.0,
         centre_of_gravity=0.0, servo_lag=1.0, late_s=0.0, force_bias=1.0, pressure_bias=1.0,
         slope_rad=0.0, wind=1.0, length=1.0, brake=1.0, edge_m=0.0, shear_per_m=0.0,
+        hill_radius=1.0, hill_growth=0.0,
     ) == AS_FILED  # fmt: skip
 
 
@@ -361,7 +362,7 @@ def test_sensors_that_are_not_there_stay_so_and_worse_ones_stay_worse() -> None:
     assert (kept.position.bias_m, kept.attitude.bias_rad) == (0.5, 0.3)
 
 
-def test_a_hills_air_is_drawn_in_wind_and_length_alone() -> None:
+def test_a_hills_air_has_no_board_and_no_edge() -> None:
     hill = load_site(shipped("sites/hill.toml"))
     field = HillField(7.0, 8.0)
     jet = AS_FILED._replace(slope_rad=0.01, edge_m=0.03, shear_per_m=0.02)

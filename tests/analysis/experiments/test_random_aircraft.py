@@ -13,7 +13,9 @@ import pytest
 from msgspec.structs import asdict
 
 from tgl_soar.air.gusts import BlendedField, ScaledField, Schedule
+from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
+from tgl_soar.air.wind_record import RecordedField, WindRecord
 from tgl_soar.analysis.campaigns import drawn_faults
 from tgl_soar.analysis.campaigns.drawn_faults import FaultJob, FaultJobs, place, world_of
 from tgl_soar.analysis.experiments import catalogue
@@ -118,6 +120,11 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
     low, high = ranges.shear_per_m
     assert low == -high
     assert told["shear of the jet"] == f"± {100.0 * high:g} % for each metre"
+    low, high = ranges.hill_radius
+    assert low == pytest.approx(2.0 - high)
+    assert told["radius of the flow over a hill"] == f"± {100.0 * (high - 1.0):.2g} %"
+    assert ranges.hill_growth == (0.0, 1.0 / 7.0)
+    assert told["growth of a hill's wind with height, d ln U / d ln z"] == "0 to 1/7"
     assert told["commands, beyond the known delay"] == f"up to {1000.0 * ranges.late_s[1]:g} ms"
     assert ranges.late_s[0] == 0.0
 
@@ -169,6 +176,23 @@ def test_a_jet_has_another_edge_and_shear() -> None:
     for z_m in (0.7, 1.425, 2.4):
         own, other = field.wind_at(*at, z_m, 0.0), grown.wind_at(*at, z_m, 0.0)
         assert other == pytest.approx([(1.0 + 0.03 * (z_m - 1.425)) * v for v in own], rel=1e-3)
+
+
+def test_a_hill_has_the_flow_of_another_radius_and_of_a_wind_that_grows_with_height() -> None:
+    site = load_site(shipped("sites/hill.toml"))
+    field = HillField(7.0, 8.0)
+    drawn = NONE._replace(hill_radius=1.02, hill_growth=0.1)
+    at = (-6.2, 0.0, 14.2, 0.0)
+    own = mismatched_field(field, site, drawn)
+    assert own.wind_at(*at) == HillField(7.0, 8.16, 0.1).wind_at(*at)
+    faster = mismatched_field(ScaledField(field, 0.9), site, drawn)
+    assert faster.wind_at(*at) == pytest.approx([0.9 * each for each in own.wind_at(*at)])
+    record = WindRecord(Schedule([0.0], [6.0]), Schedule([0.0], [0.3]))
+    recorded = mismatched_field(RecordedField(field, record), site, drawn)
+    assert recorded.wind_at(*at) == RecordedField(own, record).wind_at(*at)
+    # The ground that may not be hit is the file's, and so is what the module is given.
+    assert mismatched_site(site, drawn) == site
+    assert field.inside(-8.1, 0.0, 0.0)
 
 
 def test_a_jet_between_those_of_the_bounds_is_that_jet() -> None:
@@ -371,7 +395,9 @@ def test_the_truth_differs_and_what_the_module_is_given_does_not(
     assert other.ground == own.ground
     assert other.frame == own.frame
     at = own.start.x_m, 0.0, own.start.z_m, 0.0
-    assert (other.field.wind_at(*at) == own.field.wind_at(*at)) == bool(already)
+    winds = own.field.reference_wind_mps, other.field.reference_wind_mps
+    assert (winds[0] == winds[1]) == bool(already)
+    assert (other.field.wind_at(*at) == own.field.wind_at(*at)) == (already == SEARCH)
     assert isinstance(own.model, AircraftModel)
     assert isinstance(other.model, AircraftModel)
     assert (other.model.CD0 == own.model.CD0) == (already == SEARCH)
@@ -395,6 +421,9 @@ def test_what_can_be_soared_of_an_hour_is_by_the_polar_of_what_flies() -> None:
     assert polar_sink(other.polar, 9.3) == pytest.approx(
         drag * polar_sink(own.polar, 9.3), rel=0.03
     )
+    assert (own.flow_radius, own.growth) == (1.0, 0.0)
+    drawn = drawn_mismatch(3)
+    assert (other.flow_radius, other.growth) == (drawn.hill_radius, drawn.hill_growth)
 
 
 def test_the_contour_of_a_dispersed_survey_is_that_of_what_flew() -> None:

@@ -139,7 +139,7 @@ def test_what_is_undecided_does_not_hold_and_is_marked() -> None:
 def test_our_own_aims_stand_on_a_page_of_their_own(claims: tuple[Claim, ...], verdict: str) -> None:
     ours = replace(result(*claims), name="ours", own=True)
     assert ours.verdict == verdict
-    written = pages([result(YES), ours], {})
+    written = pages([result(YES), ours], lambda _: {})
     assert list(written) == ["experiments.md", "aims.md"]
     assert "`name`" in written["experiments.md"]
     assert "`ours`" not in written["experiments.md"]

@@ -14,6 +14,7 @@ import msgspec
 
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
 from tgl_soar.analysis.experiments.outdoors.outdoors import LAUNCH, PassageJob, fly_passage
+from tgl_soar.analysis.experiments.pages import AIMS, PAPER
 from tgl_soar.analysis.experiments.scenario import SensorSpec, TimedChange
 from tgl_soar.analysis.experiments.staleness import Ends, mark, probe, probed
 from tgl_soar.analysis.search.episode import fly_episode
@@ -62,7 +63,7 @@ def _thrown() -> Place:
     return flown.along_m, flown.across_m  # not of a landing here: where it is to the landing place
 
 
-def _searched() -> Place:
+def _searched(*, dispersed: bool = False) -> Place:
     airframe = load_airframe(shipped("airframes/eclipson_c.toml"))
     polar = airframe.polar.as_polar()
 
@@ -71,12 +72,13 @@ def _searched() -> Place:
         search.roll = roll_out
         return search
 
-    there = place("hill", 1)._replace(duration_s=SEARCHED_S)
+    there = place("hill", 1)._replace(duration_s=SEARCHED_S, dispersed=dispersed)
     path = fly_episode(there, airframe, "map", plain, plain=True).path
     return float(path["x_m"][-1]), float(path["z_m"][-1])
 
 
 IN_TUNNEL, OVER_HILL = DISPERSED = ("dispersed, in the tunnel", "dispersed, over the hill")
+SEARCHING: Final = "dispersed, searching"  # in air that the search draws by itself
 FURTHER: Final[dict[str, Callable[[], Place]]] = {
     IN_TUNNEL: partial(_unlike_its_file, "static"),
     OVER_HILL: partial(_unlike_its_file, "speed"),
@@ -85,6 +87,7 @@ FURTHER: Final[dict[str, Callable[[], Place]]] = {
     "beating": partial(_changed, "speed", 25.0, {"BEAT_START": 1.0}),
     "from the hand": _thrown,
     "a search": _searched,
+    SEARCHING: partial(_searched, dispersed=True),
     "faults": partial(
         _changed,
         "static",
@@ -103,14 +106,14 @@ SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("outdoors.md", "hour"): ("home from the hill", OVER_HILL),
     ("outdoors.md", "beating"): ("home from the hill", "beating", OVER_HILL),
     ("margins.md", "margins"): (),
-    ("margins.md", "unseen"): DISPERSED,
+    ("margins.md", "unseen"): (IN_TUNNEL,),
     ("margins.md", "dispersed"): (),
-    ("margins.md", "leans"): DISPERSED,
-    ("margins.md", "latency"): DISPERSED,
+    ("margins.md", "leans"): (IN_TUNNEL,),
+    ("margins.md", "latency"): (IN_TUNNEL,),
     ("margins.md", "airframes"): (),
-    ("search.md", "search"): ("a search", *DISPERSED),
-    ("search.md", "nowhere"): ("a search", "home from the hill", *DISPERSED),
-    ("search.md", "throttle"): ("a search", *DISPERSED),
+    ("search.md", "search"): ("a search", SEARCHING),
+    ("search.md", "nowhere"): ("a search", "home from the hill", SEARCHING),
+    ("search.md", "throttle"): ("a search", SEARCHING),
     ("search.md", "survey"): (IN_TUNNEL,),
     ("theory.md", "places --field SITE"): (IN_TUNNEL,),
     ("safety.md", "campaign"): ("faults",),
@@ -125,9 +128,13 @@ def probe_for(page: str, section: str) -> Ends:
     return probe() | {name: FURTHER[name]() for name in SECTIONS[page, section]}
 
 
-def probe_for_pages() -> Ends:
-    """The same of the pages that are written whole: all that they hold is flown dispersed too."""
-    return probe() | {name: FURTHER[name]() for name in DISPERSED}
+# Of the pages that are written whole: all that they hold is flown dispersed too.
+PAGES: Final = {PAPER: DISPERSED, AIMS: (IN_TUNNEL,)}
+
+
+def probe_for_page(page: str) -> Ends:
+    """The same of a page that is written whole.  Errors: KeyError."""
+    return probe() | {name: FURTHER[name]() for name in PAGES[page]}
 
 
 def stamped(page: str, section: str, written: str) -> str:

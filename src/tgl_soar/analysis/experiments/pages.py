@@ -6,7 +6,7 @@ project asks of itself.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from tgl_soar.analysis.experiments.result import (
@@ -67,13 +67,13 @@ DISPERSED_WORDS: Final = (
 )
 
 
-def pages(results: Sequence[Result], ends: Ends) -> dict[str, str]:
-    """The pages that have results, in Markdown by file name; ends: of the probes,
-    `further_probes.probe_for_pages()`."""
+def pages(results: Sequence[Result], ends: Callable[[str], Ends]) -> dict[str, str]:
+    """The pages that have results, in Markdown by file name; ends: of a page's probes, as
+    `further_probes.probe_for_page`."""
     paper = [result for result in results if not result.own]
     aims = [result for result in results if result.own]
-    written = {PAPER: page(paper, ends)} if paper else {}
-    return written | ({AIMS: aims_page(aims, ends)} if aims else {})
+    written = {PAPER: page(paper, ends(PAPER))} if paper else {}
+    return written | ({AIMS: aims_page(aims, ends(AIMS))} if aims else {})
 
 
 def with_result(text: str, result: Result, name: str, ends: Ends) -> str:

@@ -17,7 +17,9 @@ import numpy as np
 
 from tgl_soar.air.field import WindField
 from tgl_soar.air.gusts import BlendedField, ScaledField
+from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
+from tgl_soar.air.wind_record import RecordedField
 from tgl_soar.analysis.experiments.random_jet import JetRanges, altered_jet
 from tgl_soar.analysis.flown_airframe import flown_airframe
 from tgl_soar.config.airframe import Airframe
@@ -50,6 +52,8 @@ class MismatchRanges(NamedTuple):
     brake: Range = (0.8, 1.2)  # of all that the brake does
     edge_m: Range = (-0.05, 0.05)  # added to the height of a jet's free edge
     shear_per_m: Range = (-0.03, 0.03)  # of a jet's wind, for each metre of height
+    hill_radius: Range = (0.973, 1.027)  # of the flow over a hill, whose ground stays as it is
+    hill_growth: Range = (0.0, 1.0 / 7.0)  # d ln U / d ln z of a hill's wind, at its height
 
 
 RANGES: Final = MismatchRanges()
@@ -81,6 +85,8 @@ class Mismatch(NamedTuple):
     brake: float
     edge_m: float
     shear_per_m: float
+    hill_radius: float
+    hill_growth: float
 
 
 AS_FILED: Final = Mismatch(
@@ -101,6 +107,8 @@ AS_FILED: Final = Mismatch(
     brake=1.0,
     edge_m=0.0,
     shear_per_m=0.0,
+    hill_radius=1.0,
+    hill_growth=0.0,
 )
 
 
@@ -217,22 +225,27 @@ def mismatched_sensors(sensors: Sensors, drawn: Mismatch) -> Sensors:
 
 
 def mismatched_field(field: WindField, site: Site, drawn: Mismatch) -> WindField:
-    """The mean wind that blows: another wind; in a jet another slope, edge and shear, too.
+    """The mean wind that blows: another wind; in a jet another slope, edge and shear; over a hill
+    the flow of another radius, growing with height.
 
     A board that is tilted in flight is a blend of two slopes already, and keeps them.  What is not
     drawn leaves the field as it is.
     """
-    field = _with_other_jets(field, site, drawn)
+    field = _with_other_flow(field, site, drawn)
     return field if drawn.wind == AS_FILED.wind else ScaledField(field, drawn.wind)
 
 
-def _with_other_jets(field: WindField, site: Site, drawn: Mismatch) -> WindField:
+def _with_other_flow(field: WindField, site: Site, drawn: Mismatch) -> WindField:
     if isinstance(field, ScaledField):
-        return ScaledField(_with_other_jets(field.field, site, drawn), field.factor)
+        return ScaledField(_with_other_flow(field.field, site, drawn), field.factor)
+    if isinstance(field, RecordedField):
+        return RecordedField(_with_other_flow(field.field, site, drawn), field.record)
     if isinstance(field, BlendedField):
         kept = drawn._replace(slope_rad=AS_FILED.slope_rad)
-        first, second = (_with_other_jets(each, site, kept) for each in (field.first, field.second))
+        first, second = (_with_other_flow(each, site, kept) for each in (field.first, field.second))
         return BlendedField(first, second, field.weight)
+    if isinstance(field, HillField):
+        return _other_hill(field, drawn)
     jet = (drawn.slope_rad, drawn.edge_m, drawn.shear_per_m)
     as_filed = jet == (AS_FILED.slope_rad, AS_FILED.edge_m, AS_FILED.shear_per_m)
     if as_filed or not (isinstance(field, SlopeJet) and isinstance(site.air, JetAir)):
@@ -244,6 +257,13 @@ def _with_other_jets(field: WindField, site: Site, drawn: Mismatch) -> WindField
         edge_m=drawn.edge_m,
         shear_per_m=drawn.shear_per_m,
     )
+
+
+def _other_hill(field: HillField, drawn: Mismatch) -> HillField:
+    if (drawn.hill_radius, drawn.hill_growth) == (AS_FILED.hill_radius, AS_FILED.hill_growth):
+        return field
+    hill = field.hill
+    return HillField(hill.wind_mps, hill.radius_m * drawn.hill_radius, drawn.hill_growth)
 
 
 def mismatched_site(site: Site, drawn: Mismatch) -> Site:

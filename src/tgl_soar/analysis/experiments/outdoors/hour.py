@@ -48,6 +48,7 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import BELOW_M, ShippedHill, shipped_hill
 from tgl_soar.analysis.experiments.random_aircraft import (
+    AS_FILED,
     drawn_mismatch,
     flown_world,
     mismatched_figures,
@@ -228,8 +229,16 @@ def path_of(
 
 
 def hill_of(job: HourJob, values: ParameterSet) -> SoaredHill:
-    """The hill as the bounds know it."""
-    return SoaredHill(job.case.radius_m, fence_of(values), values["CLEAR_MIN"], _polar_of(job))
+    """The hill as the bounds know it, in the flow that blows over it."""
+    drawn = drawn_mismatch(job.seed, ALREADY) if job.dispersed else AS_FILED
+    return SoaredHill(
+        radius_m=job.case.radius_m,
+        fence=fence_of(values),
+        clearance_m=values["CLEAR_MIN"],
+        polar=_polar_of(job),
+        flow_radius=drawn.hill_radius,
+        growth=drawn.hill_growth,
+    )
 
 
 def _polar_of(job: HourJob) -> GlidePolar:

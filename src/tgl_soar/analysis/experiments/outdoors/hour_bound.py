@@ -42,6 +42,8 @@ class SoaredHill(NamedTuple):
     fence: Fence
     clearance_m: float
     polar: GlidePolar
+    flow_radius: float = 1.0  # of the flow, in those of the hill
+    growth: float = 0.0  # of the wind with height, as of `air.hill.Hill`
 
     @property
     def speeds_mps(self) -> tuple[float, float]:
@@ -62,7 +64,7 @@ def _unit_flow(
     hill: SoaredHill, x_m: Floats, z_m: Floats
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """u and w of a wind of 1 m/s, and whether one may be there."""
-    u, _, w = HillField(1.0, hill.radius_m).wind(x_m, 0.0, z_m)
+    u, _, w = HillField(1.0, hill.radius_m * hill.flow_radius, hill.growth).wind(x_m, 0.0, z_m)
     clear = np.hypot(x_m, z_m) >= hill.radius_m + hill.clearance_m
     return u, w, clear & (z_m >= hill.fence.z_min_m) & (z_m <= hill.fence.z_max_m)
 
