@@ -80,13 +80,13 @@ def within(off: float, error: float, bound: float) -> bool | None:
     return False if abs(off) - reach > bound else None
 
 
-def above(value: float, error: float) -> bool | None:
-    """Whether something is greater than nothing, as `within`."""
+def above(value: float, error: float, bound: float = 0.0) -> bool | None:
+    """Whether something is greater than a bound, as `within`."""
     if value != value:
         return False
-    if abs(value) <= RESOLVED * error:
+    if abs(value - bound) <= RESOLVED * error:
         return None
-    return value > 0.0
+    return value > bound
 
 
 @dataclass(frozen=True)

@@ -61,13 +61,16 @@ def shift(line: str, flown_m: float, predicted_m: float | None = None, lost: int
 
 
 def test_wind_asks_for_a_rise_a_rest_and_a_fall() -> None:
-    small = [shift("a", 0.05), shift("b", 0.03), shift("c", 0.0), shift("d", -0.01)]
+    small = [shift("a", 0.05), shift("b", 0.03), shift("c", 0.0), shift("d", -0.02)]
     large = [shift("a", 0.05), shift("b", 0.05), shift("c", 0.0), shift("d", -0.03)]
     assert signs(wind_claims(small, large)) == "✓✓✓✓"
     sinking = [*large[:2], shift("c", -0.05), large[3]]
     assert signs(wind_claims(small, sinking)) == "✓✗✓✓"
-    unresolved = [*small[:3], shift("d", -0.002)]  # within 2.4 standard errors of nothing
+    unresolved = [*small[:3], shift("d", -0.015)]  # within 2.4 standard errors of 1.4 cm
     assert signs(wind_claims(unresolved, large)) == "?✓✓✓"
+    for n, little in ((0, 0.011), (1, 0.011), (3, -0.011)):  # what is called staying
+        stays = [shift(s.line, little) if i == n else s for i, s in enumerate(small)]
+        assert signs(wind_claims(stays, large)) == "✗✓✓✓"
     nearly = [*small[:2], shift("c", 0.013), small[3]]  # 1.4 cm are asked
     assert signs(wind_claims(nearly, large)) == "?✓✓✓"
     far = [shift("a", 0.063), *large[1:]]  # more than two standard deviations

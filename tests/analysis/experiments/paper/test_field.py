@@ -14,6 +14,7 @@ from tgl_soar.analysis.experiments.paper.field import (
     WIND_MPS,
     claims_of,
     positions,
+    why,
 )
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.types import polar_sink
@@ -33,3 +34,15 @@ def test_the_hill_has_its_three_places() -> None:
         assert place.lean_rad < 0.0
         upwind = TargetLine(place.x_m, place.z_m, eta_from_lean(radians(20.0)))
         assert stable_crossing(HillField(WIND_MPS, RADIUS_M), POLAR, upwind) is not None
+
+
+def test_what_is_said_of_the_places_follows_from_their_numbers() -> None:
+    places = positions()
+    a, b, c = places
+    words = why(places)
+    assert f"more wind move it by {b.shift_m:+.2f} m, as past best glide" in words
+    assert "The perpendicular at [b] and [c] leans downwind" in words
+    rises = why([a, b._replace(shift_m=0.1, lean_rad=0.3), c])
+    assert "move it by +0.10 m. The perpendicular at [c] leans" in rises
+    upwind = why([p._replace(lean_rad=0.3) for p in places])
+    assert upwind.endswith("The module takes each of these lines.")

@@ -349,4 +349,8 @@ def test_each_air_is_drawn_in_the_wind_of_its_best_glide(
     for given, names in zip(drawn, by_air, strict=True):
         marked = given[5]
         assert [(each.x_m, each.z_m) for each in marked] == [(p["x_m"], p["z_m"]) for p in names]
-        assert given[6] == f"{names[0]['site']}, wind of {names[2]['wind_mps']:.2f} m/s"
+        others = {p["wind_mps"] for p in names} - {names[2]["wind_mps"]}
+        assert given[6] == (
+            f"{names[0]['site']}, wind and contour at {names[2]['wind_mps']:.2f} m/s"
+            + ("; a place of another wind is off" if others else "")
+        )

@@ -60,11 +60,11 @@ HARDLY: Final = 2.0
 CHANGED: Final = (
     ChangedThreshold(
         "rises, stays, falls",
-        "calm air; 1 cm",
+        "calm air; stays within 1 cm, rises or falls by more than nothing",
         f"1 % of turbulence; {RESOLVED:g} standard errors of the flights' own shifts, stays within"
-        f" {100 * STAYS_M:g} cm; undecided where these errors leave it open",
-        "like every other experiment; a sign is known beyond its standard error, and the fitted"
-        " cubic moves a place by so much",
+        f" {100 * STAYS_M:g} cm, rises or falls by more; undecided where these leave it open",
+        "like every other experiment; a sign is known beyond its standard error, the fitted cubic"
+        " moves a place by so much, and what is called staying is no rise",
     ),
     ChangedThreshold(
         "wind hardly moves the hovering point",
@@ -455,9 +455,9 @@ def rises_stays_falls(shifts: list[WindShift]) -> bool | None:
     a, b, c, d = shifts
     return all_of(
         (
-            *(above(s.flown_m, s.error_m) for s in (a, b)),
+            *(above(s.flown_m, s.error_m, STAYS_M) for s in (a, b)),
             within(c.flown_m, c.error_m, STAYS_M),
-            above(-d.flown_m, d.error_m),
+            above(-d.flown_m, d.error_m, STAYS_M),
             not any(s.lost for s in shifts),
         )
     )

@@ -19,6 +19,7 @@ from tgl_soar.air.zeuc import Bounds, WindSensitivity, stable_crossing, wind_sen
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.experiments.scenario import perpendicular_lean, place_at_speed_ratio
+from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.target_line import TargetLine, eta_from_lean
 from tgl_soar.estimation.polar import best_glide_speed
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
@@ -114,6 +115,25 @@ def claims_of(places: list[HillPosition]) -> tuple[Claim, ...]:
     )
 
 
+def why(places: list[HillPosition]) -> str:
+    """How far the three are from standing still, and what the module would fly there."""
+    b = places[1]
+    refused = [
+        f"[{p.name}]" for p in places if degrees(p.lean_rad) < ParameterSet()["TGL_LEAN_MIN"]
+    ]
+    return (
+        "The parabola, the wind and the radius are ours. [b] holds still to first order only:"
+        f" {100 * (STRONGER - 1):.0f} % more wind move it by {b.shift_m:+.2f} m"
+        + (", as past best glide sink grows faster than updraft." if b.shift_m < 0.0 else ".")
+        + (
+            f" The perpendicular at {' and '.join(refused)} leans downwind, or less upwind than the"
+            " module takes (see `lean`): it flies such places on lines that lean upwind."
+            if refused
+            else " The module takes each of these lines."
+        )
+    )
+
+
 def run(context: Context) -> Result:
     """Compute and draw."""
     places = positions()
@@ -157,7 +177,6 @@ def run(context: Context) -> Result:
             ],
             f"ZEUC in {100 * (STRONGER - 1):.0f} % more wind",
         )
-    b = places[1]
     return Result(
         name="field",
         title="three places on a hill of potential flow",
@@ -165,11 +184,7 @@ def run(context: Context) -> Result:
         f" as polar, sink = {LEAST_MPS:g} + {CURVATURE:g} (u − {MIDDLE_MPS:g})², which is no"
         " aircraft's: it is made so that two speeds share a sink of 1.7 m/s. Nothing is flown.",
         claims=claims_of(places),
-        why=f"The parabola, the wind and the radius are ours. [b] holds still to first order only:"
-        f" {100 * (STRONGER - 1):.0f} % more wind already move it by {b.shift_m:+.2f} m, because"
-        " past best glide sink grows faster than updraft. And the perpendicular at [b] and [c],"
-        " above the shoulder of the hill, leans downwind: the module refuses such a line (see"
-        " `lean`) and flies these places on lines that lean upwind, which are stable there too.",
+        why=why(places),
         tables=(
             Table(
                 "",

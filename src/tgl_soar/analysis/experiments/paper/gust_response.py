@@ -50,6 +50,12 @@ HALF_STEP_MPS: Final = 0.2
 CHANGED: Final = (
     ChangedThreshold(
         "the aircraft's answer to a gust",
+        "up or down by more than nothing",
+        f"by more than {100 * STAYS_M:g} cm in the end and {1000 * STOOD_M:g} mm at once",
+        "so little is called staying where it was, and an aircraft cannot do both",
+    ),
+    ChangedThreshold(
+        "the aircraft's answer to a gust",
         "its sign at once",
         "its sign in the end, and beside it its sign at once",
         "polar and updraft are those of steady glides: they say where an aircraft stands, after it"
@@ -260,9 +266,9 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
             f" (within {100 * STAYS_M:g} cm), lower beyond",
             all_of(
                 (
-                    *(above(c.in_the_end_m, c.in_the_end_error_m) for c in slow),
+                    *(above(c.in_the_end_m, c.in_the_end_error_m, STAYS_M) for c in slow),
                     *(within(c.in_the_end_m, c.in_the_end_error_m, STAYS_M) for c in at_best),
-                    *(above(-c.in_the_end_m, c.in_the_end_error_m) for c in beyond),
+                    *(above(-c.in_the_end_m, c.in_the_end_error_m, STAYS_M) for c in beyond),
                     not any(c.lost for c in changes),
                 )
             ),
@@ -272,9 +278,9 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
             "the aircraft's immediate answer to a gust has that sign",
             all_of(
                 (
-                    *(above(c.at_once_m, c.at_once_error_m) for c in slow),
+                    *(above(c.at_once_m, c.at_once_error_m, STOOD_M) for c in slow),
                     *(within(c.at_once_m, c.at_once_error_m, STOOD_M) for c in at_best),
-                    *(above(-c.at_once_m, c.at_once_error_m) for c in beyond),
+                    *(above(-c.at_once_m, c.at_once_error_m, STOOD_M) for c in beyond),
                     not any(c.lost for c in changes),
                 )
             ),

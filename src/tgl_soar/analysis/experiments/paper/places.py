@@ -441,6 +441,7 @@ def _draw(context: Context, here: dict[tuple[str, str], tuple[Scenario, float]])
         scenario, wind_mps = here[site, "b"]
         base = prepare(scenario)
         assert base.site.air is not None
+        winds = [mps for (name, _), (_, mps) in here.items() if name == site]
         marked = [
             DrawnPlace(f"[{line}] in {mps:.2f} m/s", at.x_m, at.z_m)
             for (name, line), (of, mps) in here.items()
@@ -453,7 +454,8 @@ def _draw(context: Context, here: dict[tuple[str, str], tuple[Scenario, float]])
             search_bounds(base.site),
             ground_outline(base.site.air),
             marked,
-            f"{site}, wind of {wind_mps:.2f} m/s",
+            f"{site}, wind and contour at {wind_mps:.2f} m/s"
+            + ("" if all(mps == wind_mps for mps in winds) else "; a place of another wind is off"),
         )
         names.append(path.name)
     return tuple(names)
