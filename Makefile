@@ -1,10 +1,11 @@
 # make run    fly the three-leg flight between real processes and draw it
 # make test   lint, types and tests: those that are quick
-# make long   the tests that take minutes: whole experiments, an hour's flight of the whole module,
-#             links and the flying process on native code, every property with more examples
+# make long   the tests that take minutes, before a release: whole experiments with their verdicts,
+#             an hour's flight of the whole module, links and the flying process on native code,
+#             every property with more examples
 # make ci     lint, types, the quick tests and a seventh of the others, in twelve minutes: what
 #             continuous integration runs; which seventh follows from the commit (tests/slow_tests.py)
-# make all    lint, types and all tests but the long ones: before what you push, and a release
+# make all    lint, types and all tests but the long ones: before what you push
 # make bench  timings, as ratios against references of the same run
 # make docs   the pages as a site: out/docs/index.html
 # make pictures  the README's pictures, flown and drawn again

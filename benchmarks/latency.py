@@ -33,6 +33,7 @@ from . import c_reference
 from .c_reference import PRIORITY, NoCompilerError
 from .hanging import site_to_hang_in
 from .lengths import length, may_be_reported
+from .page import AWAKE
 from .processes import child_of, cpu_s, end, is_native
 from .result import ALLOWED, INTERPRETED, NO_AIM, Result, percentile
 
@@ -47,7 +48,6 @@ CPU_ALLOWED = 8.0  # % of one core
 PERIOD_NS = 1_000_000_000 // RATE_HZ
 AWAKE_NS = 200_000  # as long as the module may: `pacing.AWAKE_MAX_S`
 ASLEEP = "a minimal responder in C that sleeps"
-AWAKE = "a minimal responder in C that waits awake"
 IN_MAVUTIL = "a minimal responder with mavutil"
 FRACTIONS = (("p50", 0.5, 2.3), ("p99", 0.99, 2.5), ("p99.9", 0.999, 2.5))
 # Late answers, as the slowest may be slower; of a core, as the usual answer may.

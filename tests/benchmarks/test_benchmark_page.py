@@ -16,7 +16,7 @@ from benchmarks import c_reference, hostile, latency, lengths, page, skipping, w
 from benchmarks.codec import FRAMES, in_c
 from benchmarks.hanging import site_to_hang_in
 from benchmarks.module_flight import ModuleFlight
-from benchmarks.page import BEGIN, END, Group, markdown, replace_table, write_json
+from benchmarks.page import AWAKE, BEGIN, END, Group, markdown, replace_table, write_json
 from benchmarks.result import Result, percentile
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -210,9 +210,9 @@ def test_answers_that_never_come_count_as_the_whole_run() -> None:
 
 
 def test_few_samples_say_nothing_about_the_slowest_in_a_thousand() -> None:
-    rows = list(latency._beside("UDP", [1] * 3000, [1] * 3000, latency.AWAKE))
+    rows = list(latency._beside("UDP", [1] * 3000, [1] * 3000, AWAKE))
     assert [row.what[-3:] for row in rows] == ["p50", "p99"]
-    rows = list(latency._beside("UDP", [1] * 30_000, [1] * 30_000, latency.AWAKE))
+    rows = list(latency._beside("UDP", [1] * 30_000, [1] * 30_000, AWAKE))
     assert [row.what.rpartition(" ")[2] for row in rows] == ["p50", "p99", "p99.9"]
     for seconds in (latency.SECONDS, waking.SECONDS):
         assert seconds * latency.RATE_HZ >= lengths.P999_SAMPLES
@@ -309,7 +309,7 @@ def test_every_latency_stands_beside_c_that_waits_awake_and_c_that_sleeps(
     delays = [row for row in rows if row.what.startswith("sensor to surface")]
     aims = {(row.what, row.reference_what): row.aim for row in delays}
     for name in ("UDP", "pseudo-terminal"):
-        for whose in (latency.AWAKE, latency.ASLEEP):
+        for whose in (AWAKE, latency.ASLEEP):
             assert aims[f"sensor to surface, {name}, p50", whose] == 2.3
             assert aims[f"sensor to surface, {name}, p99", whose] == 2.5
             assert aims[f"sensor to surface, {name}, p99.9", whose] == 2.5
@@ -319,5 +319,5 @@ def test_every_latency_stands_beside_c_that_waits_awake_and_c_that_sleeps(
     processor = [row for row in rows if row.what == "the flying process, UDP"]
     assert (processor[0].reference, processor[0].aim) == (8.0, 1.0)
     assert processor[1].reference == 4.0
-    assert [row.aim for row in processor if row.reference_what == latency.AWAKE] == [2.3]
+    assert [row.aim for row in processor if row.reference_what == AWAKE] == [2.3]
     assert {row.aim for row in rows if row.what.startswith("answers later")} == {2.5}

@@ -13,6 +13,7 @@ from benchmarks.closed_loop import LOOP_TIMES, POINT_MASS_TIMES
 from benchmarks.page import (
     BEGIN,
     END,
+    HEADLINES,
     MISSED,
     MISSED_BEGIN,
     MISSED_END,
@@ -212,6 +213,8 @@ def test_the_readme_lists_the_missed_aims_of_the_page() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     listed = readme.partition(MISSED_BEGIN)[2].partition(MISSED_END)[0].strip()
     assert listed == missed(page), f"stale: {MAKE}"
+    rows = listed.partition("| missed or met |")[2].splitlines()[2:]
+    assert [row.split(" | ")[0].removeprefix("| ") for row in rows] == [w for w, _ in HEADLINES]
 
 
 def test_missed_aims_are_counted_by_part_with_the_worst() -> None:
@@ -226,3 +229,14 @@ def test_missed_aims_are_counted_by_part_with_the_worst() -> None:
     assert rows == ["| On time | 2 of 3 | a frame: 1.4 × C (≤ 1) |"]
     assert "The laws" not in text
     assert missed(markdown((Group("On time", [met]),))).endswith("are missed.")
+
+
+def test_what_counts_most_is_said_whether_missed_or_met() -> None:
+    what, beside = HEADLINES[0]
+    first = LATE._replace(what=what, reference_what=beside)
+    other = first._replace(what=HEADLINES[1][0], value=20.0)
+    text = missed(markdown((Group("On time", [first, other, LATE]),)))
+    assert text.splitlines()[-2:] == [
+        f"| {what} | 30 µs | 1.5 × {beside} | ≤ 1.3{MISSED} |",
+        f"| {HEADLINES[1][0]} | 20 µs | 1 × {beside} | ≤ 1.3 |",
+    ]
