@@ -41,6 +41,49 @@ def test_a_page_is_of_what_flies_or_says_that_it_is_older(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_what_a_command_wrote(name: str) -> None:
+    text = (DOCS / name).read_text(encoding="utf-8")
+    assert staleness.is_as_written(text), f"docs/{name}: edited by hand; {MAKE}"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_verdict_counts_the_claims_of_its_section(name: str) -> None:
+    """The table at the top against the claims below, model by model."""
+    text = (DOCS / name).read_text(encoding="utf-8")
+    summary = re.findall(r"^\| \[`(\w+)`\]\(#\w+\) \| [^|]* \|(.*)\|$", text, re.MULTILINE)
+    assert summary
+    for each, cells in summary:
+        section = text.partition(f'<a id="{each}"></a>')[2].partition('<a id="')[0]
+        told = [cell.strip() for cell in cells.split("|")]
+        told = [cell for cell in told if cell != "–"]
+        claims = claims_of(section.partition("**Verdict")[2])
+        assert len(told) == len(claims[0][1]), each
+        for model, verdict in enumerate(told):
+            assert verdict.endswith(": " + counts(claims, model)), (each, model)
+            words = verdict.partition(":")[0]
+            assert words in section.partition("**Verdict")[2].partition("**")[0], each
+
+
+def claims_of(judged: str) -> list[tuple[bool, list[str]]]:
+    """Of each claim below a verdict: whether it is one by construction, and its sign by model."""
+    listed = re.findall(r"^- ([✓✗?]) (.*)$", judged, re.MULTILINE)
+    if listed:
+        return [("(true by construction)" in words, [sign]) for sign, words in listed]
+    table = judged.partition("| claim |")[2].partition("\n\n")[0].splitlines()[2:]
+    rows = [line.strip("| ").split(" | ") for line in table]
+    return [("(true by construction)" in row[0], [cell[0] for cell in row[1:]]) for row in rows]
+
+
+def counts(claims: list[tuple[bool, list[str]]], model: int) -> str:
+    signs = [each[model] for given, each in claims if not given and each[model] != "–"]
+    words = f"{signs.count('✓')} of {len(signs)}"
+    if undecided := signs.count("?"):
+        words += f", {undecided} undecided"
+    given = sum(given and each[model] != "–" for given, each in claims)
+    return f"{words}, and {given} by construction" if given else words
+
+
+@pytest.mark.parametrize("name", PAGES)
 def test_what_was_said_once_stands_beside_what_is_said_now(name: str) -> None:
     text = (DOCS / name).read_text(encoding="utf-8")
     summary = dict(

@@ -66,7 +66,14 @@ from tgl_soar.analysis.experiments.spread_along_line import (
     dryden_dispersion,
     leverage,
 )
-from tgl_soar.analysis.experiments.staleness import PROBES, SAME_M, differences, mark, probed
+from tgl_soar.analysis.experiments.staleness import (
+    PROBES,
+    SAME_M,
+    differences,
+    is_as_written,
+    mark,
+    probed,
+)
 from tgl_soar.config.files import shipped
 from tgl_soar.config.site import HillAir
 from tgl_soar.control.target_line import TargetLine
@@ -268,7 +275,8 @@ def test_pages_are_written_for_what_there_is() -> None:
     assert pages([], lambda _: ends) == {}
     text = page([paper], ends)
     assert text.startswith("# The paper's experiments, flown in simulation\n\n")
-    assert text.endswith(f"\n\n{mark(ends)}\n")
+    assert is_as_written(text)
+    assert f"\n\n{mark(ends)}\n" in text
     assert '<a id="name"></a>\n\n## `name`: title\n' in text
     assert aims_page([ours], ends).startswith("# Aims of our own, flown in simulation\n\n")
 
@@ -314,7 +322,9 @@ def test_a_section_is_written_between_its_marks_and_nowhere_else() -> None:
     ends = {"tunnel": (1.0, 2.0)}
     text = with_result(page_, result(YES), "name", ends)
     assert text.startswith(f"head\n{begin}\n\n\nflown.\n")
-    assert text.endswith(f"\n\n{mark(ends)}\n\n<!-- name: end -->\nfoot")
+    assert f"\n\n{mark(ends)}\n<!-- sum of" in text
+    assert text.endswith(" -->\n\n<!-- name: end -->\nfoot")
+    assert is_as_written(text.partition(begin)[2])
     assert "old" not in text
     assert "## `name`" not in text  # the page has a heading of its own
     assert DISPERSED_WORDS not in text

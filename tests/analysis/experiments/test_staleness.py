@@ -14,10 +14,12 @@ from tgl_soar.analysis.experiments.staleness import (
     PROBES,
     SAME_M,
     differences,
+    is_as_written,
     mark,
     marked,
     probe,
     probed,
+    sealed,
 )
 
 ENDS = {"tunnel": (1.25, 0.5), "hill": (-4.0, 13.0)}
@@ -55,6 +57,20 @@ def test_a_page_of_other_probes_or_none_says_so() -> None:
         "the page has the probes tunnel, hill; there are tunnel"
     ]
     assert differences("# Experiments\n", ENDS) == ["the page holds no probes"]
+
+
+def test_what_is_changed_by_hand_is_noticed_and_a_notice_is_not() -> None:
+    text = sealed("# Experiments\n\n| claim | ✗ 9.6 cm |\n", ENDS)
+    assert marked(text) == ENDS
+    assert is_as_written(text)
+    assert is_as_written(text.replace("\n\n|", "\n\n\n|"))
+    for edited in (text.replace("✗", "✓"), text.replace("9.6", "0.6"), text.replace("# ", "#")):
+        assert not is_as_written(edited)
+    for notice in (staleness.OLDER, "> **The figures of this section are older than the laws.**"):
+        assert is_as_written(text.replace("\n\n|", f"\n\n{notice} `command` flies them.\n\n|"))
+    assert not is_as_written(text.replace("\n\n|", "\n\n> **The figures are fine.**\n\n|"))
+    assert not is_as_written(page())
+    assert not is_as_written(text.replace("<!-- probes", "<!-- "))
 
 
 def test_an_end_may_differ_by_a_ten_millionth_of_a_metre() -> None:

@@ -16,7 +16,7 @@ from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
 from tgl_soar.analysis.experiments.outdoors.outdoors import LAUNCH, PassageJob, fly_passage
 from tgl_soar.analysis.experiments.pages import AIMS, PAPER
 from tgl_soar.analysis.experiments.scenario import SensorSpec, TimedChange
-from tgl_soar.analysis.experiments.staleness import Ends, mark, probe, probed
+from tgl_soar.analysis.experiments.staleness import Ends, probe, probed, sealed
 from tgl_soar.analysis.search.episode import fly_episode
 from tgl_soar.analysis.search.places import place
 from tgl_soar.analysis.search.searchers import MapSearch
@@ -138,5 +138,5 @@ def probe_for_page(page: str) -> Ends:
 
 
 def stamped(page: str, section: str, written: str) -> str:
-    """A section as it is written, with its probes.  Errors: KeyError."""
-    return f"{written}\n{mark(probe_for(page, section))}\n"
+    """A section as it is written, with its probes and its sum.  Errors: KeyError."""
+    return sealed(written, probe_for(page, section))

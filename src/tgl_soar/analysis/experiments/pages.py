@@ -15,7 +15,7 @@ from tgl_soar.analysis.experiments.result import (
     as_markdown,
     versions,
 )
-from tgl_soar.analysis.experiments.staleness import Ends, mark
+from tgl_soar.analysis.experiments.staleness import Ends, sealed
 
 IMAGES: Final = "images/experiments"
 PAPER: Final = "experiments.md"
@@ -82,7 +82,7 @@ def with_result(text: str, result: Result, name: str, ends: Ends) -> str:
     section = as_markdown(result, IMAGES).partition("\n")[2]  # the page has a heading of its own
     if DISPERSED_AIRCRAFT in result.also:
         section += f"\n{DISPERSED_WORDS}\n"
-    return between(text, *marks(name), f"{section}\n{mark(ends)}\n")
+    return between(text, *marks(name), sealed(section, ends))
 
 
 def marks(name: str) -> tuple[str, str]:
@@ -234,6 +234,6 @@ def _whole(head: list[str], results: Sequence[Result], ends: Ends) -> str:
     foot = (
         f"---\n\nMade with tgl_soar {made['tgl_soar']}, Python {made['python']}, numpy"
         f" {made['numpy']}, {made['machine']}. The same seeds give the same flights on one machine;"
-        f" another processor's rounding may change the last digits.\n\n{mark(ends)}\n"
+        " another processor's rounding may change the last digits.\n"
     )
-    return "\n".join(head) + "\n\n" + "\n".join(body) + "\n" + foot
+    return sealed("\n".join(head) + "\n\n" + "\n".join(body) + "\n" + foot, ends)

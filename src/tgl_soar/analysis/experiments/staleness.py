@@ -2,11 +2,13 @@
 
 A page carries the ends of a few short flights, its probes.  Whoever flies them again and comes out
 elsewhere has changed what flies, and the page's figures are older than that.  A change of the code
-that changes no flight leaves a page as it is.
+that changes no flight leaves a page as it is.  Beside the probes stands a sum of what was written,
+so that nobody changes a verdict or a figure by hand without its being noticed.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from typing import Final
@@ -30,6 +32,8 @@ PROBES: Final[dict[str, tuple[str, SensorSpec, ModelKind]]] = {
     "point mass": ("static", SensorSpec(), "point_mass"),
 }
 OLDER: Final = "> **The figures on this page are older than the laws.**"
+NOTICE: Final = re.compile(r"^> \*\*The figures .* are older than the laws\.\*\*.*$", re.MULTILINE)
+SUM: Final = re.compile(r"<!-- sum of what was written: ([0-9a-f]+) -->")
 MARK: Final = re.compile(r"<!-- probes, x and z at the end \[m\]: (.*) -->")
 
 Ends = dict[str, tuple[float, float]]
@@ -58,6 +62,23 @@ def mark(ends: Ends) -> str:
     """The line of a page that holds the ends."""
     digits = {name: [round(x, 9), round(z, 9)] for name, (x, z) in ends.items()}
     return f"<!-- probes, x and z at the end [m]: {json.dumps(digits)} -->"
+
+
+def sealed(written: str, ends: Ends) -> str:
+    """What was written, with its probes and its sum."""
+    return f"{written}\n{mark(ends)}\n<!-- sum of what was written: {_sum(written)} -->\n"
+
+
+def is_as_written(page: str) -> bool:
+    """Whether what stands before the probes is what a command wrote, but for blanks and a notice
+    that it is older."""
+    found, probes = SUM.search(page), MARK.search(page)
+    return found is not None and probes is not None and found[1] == _sum(page[: probes.start()])
+
+
+def _sum(written: str) -> str:
+    words = " ".join(NOTICE.sub("", written).split())
+    return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 
 def marked(page: str) -> Ends | None:
