@@ -59,6 +59,7 @@ class Proof(NamedTuple):
     calls, what it waits for or expects to be raised, and the parameters that these go by."""
 
     asserted: str
+    source: str  # its own, in small letters
     skipped: bool
 
 
@@ -88,10 +89,11 @@ def proofs() -> dict[str, Proof]:
             if not name.startswith("test_"):
                 continue
             decorators = [ast.unparse(each) for each in node.decorator_list]
-            before = found.get(name, Proof("", False))
+            before = found.get(name, Proof("", "", skipped=False))
             found[name] = Proof(
-                "\n".join([before.asserted, *_asserted(node, functions), *decorators]),
-                before.skipped
+                asserted="\n".join([before.asserted, *_asserted(node, functions), *decorators]),
+                source=before.source + ast.unparse(node).lower(),
+                skipped=before.skipped
                 or any(re.search(r"mark\.(skip|xfail)\b", each) for each in decorators)
                 or any(
                     re.fullmatch(r"pytest\.(skip|xfail)\(.*\)", ast.unparse(each), re.DOTALL)
@@ -175,6 +177,25 @@ def test_one_test_of_a_row_looks_at_what_the_row_says_happens(row: list[str]) ->
     assert looked_for, f"LOOKED_AT knows nothing of {happens!r}"
     for said, looks_at in looked_for.items():
         assert re.search(looks_at, together), f"{said!r} of {happens!r}"
+
+
+# Words of a row that are of any hazard.
+COMMON = {"after", "autopilot", "before", "other", "their", "there", "where", "which", "while"}
+# What the tests of a row call it, where they have no word of it.
+CALLED = {
+    "the service manager ends it, or the computer runs short of memory": "oompolicy",
+    "the watchdog is killed": "orphan",
+    "the computer loses power": "kill_9",
+}
+
+
+@pytest.mark.parametrize("row", rows_of_hazards(), ids=lambda row: row[0][:40])
+def test_one_test_of_a_row_is_about_what_goes_wrong(row: list[str]) -> None:
+    """By the beginnings of the row's words, anywhere in the test."""
+    words = {word[:5] for word in re.findall(r"[a-z_]{4,}", row[0].lower()) if word not in COMMON}
+    words = {CALLED[row[0]]} if row[0] in CALLED else words
+    tests = re.findall(r"`(test_\w+)`", row[3])
+    assert any(word in PROOFS[name].source for name in tests for word in words), (words, tests)
 
 
 @pytest.mark.parametrize("said", LOOKED_AT)
