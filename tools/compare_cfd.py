@@ -199,7 +199,15 @@ def main() -> int:
         return 2
     print("model                                wind rms   bias   updraft rms   bias   [% of wind]")
     found = [
-        (name, JetShape(slope_rad, options.board, jet_width_m=width, wake_speed_ratio=suction))
+        (
+            name,
+            JetShape(
+                slope_rad=slope_rad,
+                board_length_m=options.board,
+                jet_width_m=width,
+                wake_speed_ratio=suction,
+            ),
+        )
         for name, width, suction in MODELS
     ]
     for name, shape in found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -9,9 +10,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tgl_soar.analysis.tuning import flights
 from tgl_soar.analysis.tuning import tune as tuning
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe, shipped
+from tgl_soar.control.found_gains import SETS
+from tgl_soar.sim.campaign import rows
 from tgl_soar.sim.campaign.manifest import key_of, read_manifest
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
@@ -40,6 +44,53 @@ def test_gains_an_airframe_file_and_a_figure(tmp_path: Path) -> None:
     ]
     assert f"# tuned, task {table['tuned']['task'][:12]}\n" in airframe.read_text(encoding="utf-8")
     assert re.search(r"^ *accelero", result.output, re.M)  # a narrow table cuts the word
+
+
+def test_every_flight_is_a_row_that_a_report_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="rows need pyarrow")
+    effort = tuning.QUICK._replace(choosing=1, judging=2, flight_s=1.0)
+    monkeypatch.setattr(tuning, "QUICK", effort)
+    monkeypatch.setattr(flights, "available", lambda: False)  # a second of plain flight is enough
+    out = tmp_path / "t.toml"
+    result = CliRunner().invoke(app, [*FEW, "--out", str(out)], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    table = tmp_path / "t.toml.rows.parquet"
+    found = [*rows.read_rows(table)]
+    judged = [row for row in found if row["judges"]]
+    told = [(row["kind"], row["turbulence"], row["gains"], row["aircraft"]) for row in judged]
+    assert told == [
+        (kind, turbulence, gains, aircraft)
+        for kind in SETS
+        for turbulence in (0.03, 0.05)
+        for gains in ("before", "after")
+        for aircraft in (0, 1)
+    ]
+    assert {row["gains"][:9] for row in found if not row["judges"]} <= {"finalist "}
+    assert all(row["duration_s"] == 1.0 for row in found)
+    whence = json.loads(parquet.read_schema(table).metadata[b"tgl_soar"])
+    manifest = read_manifest(Path(f"{out}.manifest.json"))
+    assert manifest is not None
+    assert whence["parameters_digest"] == manifest.parameters_digest
+    assert whence["runs"] == []
+    counted = CliRunner().invoke(app, ["campaign", "report", str(table), "--by", "gains"])
+    assert counted.exit_code == 0, counted.output
+    assert "before" in counted.output
+
+
+def test_without_pyarrow_there_is_no_table_and_the_gains_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    effort = tuning.QUICK._replace(judging=1, flight_s=1.0)
+    monkeypatch.setattr(tuning, "QUICK", effort)
+    monkeypatch.setattr(flights, "available", lambda: False)
+    monkeypatch.setattr(rows, "available", lambda: False)
+    out = tmp_path / "t.toml"
+    result = CliRunner().invoke(app, [*FEW, "--out", str(out)], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    assert "no table of the flights: Parquet needs pyarrow" in result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.toml", "t.toml.manifest.json"]
 
 
 def test_progress_is_gone_on_with_unless_it_is_of_another_task(

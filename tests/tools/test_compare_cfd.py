@@ -98,7 +98,7 @@ def test_a_slope_out_of_range_is_refused(plane: Path) -> None:
 
 def test_how_it_grows_with_height_and_where_it_ends_is_of_both() -> None:
     """The jet beside a plane of its own, blown 1 % a metre more strongly and 5 cm further up."""
-    shape = JetShape(radians(SLOPE_DEG), BOARD_M)
+    shape = JetShape(slope_rad=radians(SLOPE_DEG), board_length_m=BOARD_M)
     jet = SlopeJet(8.0, *shape)
     x, z = np.arange(-0.5, 2.6, 0.05), np.arange(0.0, 4.0, 0.05)
     grid_x, grid_z = np.meshgrid(x, z, indexing="ij")

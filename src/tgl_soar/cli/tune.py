@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
+import msgspec
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from tgl_soar.sim.campaign.executors import Executor
 
 MANIFEST_SUFFIX: Final = ".manifest.json"  # behind the name of --out
+ROWS_SUFFIX: Final = ".rows.parquet"  # likewise
 TASK_DIGITS: Final = 12  # beside a gain in an airframe file: enough to find the task again
 
 
@@ -88,7 +90,8 @@ def tune_command(
     """Search for gains on the linear model, choose and judge them in flight, and write them.
 
     A command that was killed continues when the same version is run again. A manifest beside the
-    gains says where they come from. Exit code 1: margins below the floor.
+    gains says where they come from, and a table has a row for each flight. Exit code 1: margins
+    below the floor.
     """
     _check_outputs(airframe, out, airframe_out)
     try:
@@ -225,6 +228,7 @@ def _write(
         say(f"airframe file in {airframe_out}: compare it with {airframe} before you fly with it")
     write_state(out, as_toml(task, tuned, airframe.name, line).encode(), None)
     say(f"gains in {out}")
+    _write_rows(task, tuned, out)
 
 
 def _write_manifest(task: Task, progress: ProgressFile, out: Path) -> None:
@@ -235,6 +239,24 @@ def _write_manifest(task: Task, progress: ProgressFile, out: Path) -> None:
     path = out.with_name(out.name + MANIFEST_SUFFIX)
     write_manifest(path, concluded(task, progress))
     say(f"where they come from in {path}")
+
+
+def _write_rows(task: Task, tuned: Tuned, out: Path) -> None:
+    """Every flight, as campaigns keep them.  Errors: OSError."""
+    from tgl_soar.analysis.tuning.flights import DrawnFlight
+    from tgl_soar.analysis.tuning.tune import TuningFlight, manifest
+    from tgl_soar.sim.campaign.manifest import stable
+    from tgl_soar.sim.campaign.rows import MISSING, available, write_rows
+
+    if not tuned.flights:
+        return
+    if not available():
+        hint(f"no table of the flights: {MISSING}")
+        return
+    path = out.with_name(out.name + ROWS_SUFFIX)
+    whence = {"tgl_soar": msgspec.json.encode(stable(manifest(task))).decode()}
+    write_rows(path, TuningFlight, DrawnFlight, tuned.flights, whence)
+    say(f"a row for each flight in {path}: tgl-soar campaign report {path}")
 
 
 def _print(tuned: Tuned) -> None:

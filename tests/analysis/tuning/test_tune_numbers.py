@@ -16,7 +16,15 @@ from tgl_soar.analysis.tuning.demands import FOR_CHOICE, FOR_JUDGING, Given
 from tgl_soar.analysis.tuning.flights import DrawnFlight, FlyingPlace
 from tgl_soar.analysis.tuning.progress_file import ProgressFile
 from tgl_soar.analysis.tuning.search import Candidate
-from tgl_soar.analysis.tuning.tune import QUICK, Effort, Task, manifest, search_of, tune
+from tgl_soar.analysis.tuning.tune import (
+    QUICK,
+    Effort,
+    Task,
+    TuningFlight,
+    manifest,
+    search_of,
+    tune,
+)
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.parameters import ANCHORS, INDEX, PARAMETERS
 from tgl_soar.control.found_gains import INERTIAL, PLAIN, SETS, SHIPPED, SOUGHT, gains_of
@@ -58,6 +66,7 @@ class Work:
             pool=self.pool,  # type: ignore[arg-type]
             progress=self.progress,
             report=lambda words, done: self.told.append((words, done)),
+            flights=[],
         )
 
 
@@ -123,21 +132,28 @@ def flight(up: bool = True, rms_m: float = 0.01) -> DrawnFlight:
     return DrawnFlight(up=up, rms_e_rho_m=rms_m, duration_s=1.0, ended="")
 
 
+AFTER = TuningFlight(gains="after", kind=PLAIN, turbulence=0.03, aircraft=0, judges=True)
+
+
 def test_aircraft_are_flown_in_batches_each_by_a_seed_of_its_own(tmp_path: Path) -> None:
     work = Work(tmp_path, lambda job: flight(job[1].seed[-1] != 3, 0.1))
-    found = module._flown(work.parts, VALUES, PLAIN, 0.03, FOR_JUDGING, 10, "judging")
+    found = module._flown(work.parts, VALUES, AFTER, 10, "judging")
     assert (found.up, found.of) == (9, 10)
     assert found.rms_e_rho_m == pytest.approx(0.1)
     attempts = [flights.Attempt(VALUES, PLAIN, (7, FOR_JUDGING, i), 0.03) for i in range(10)]
     assert work.pool.asked == [(module._flight_of, (work.field, each)) for each in attempts]
     assert work.told == [("judging", 0.0), ("judging", 0.8)]
+    assert [flies for flies, _ in work.parts.flights] == [
+        AFTER._replace(aircraft=i) for i in range(10)
+    ]
+    assert [flown.up for _, flown in work.parts.flights] == [i != 3 for i in range(10)]
 
 
 def test_a_batch_that_was_flown_is_not_flown_again(tmp_path: Path) -> None:
     first = Work(tmp_path, lambda _: flight())
-    module._flown(first.parts, VALUES, PLAIN, 0.03, FOR_JUDGING, 8, "judging")
+    module._flown(first.parts, VALUES, AFTER, 8, "judging")
     second = Work(tmp_path, lambda _: flight(up=False))
-    found = module._flown(second.parts, VALUES, PLAIN, 0.03, FOR_JUDGING, 12, "judging")
+    found = module._flown(second.parts, VALUES, AFTER, 12, "judging")
     assert [job.seed[-1] for _, (_, job) in second.pool.asked] == [8, 9, 10, 11]
     assert (found.up, found.of) == (8, 12)
 
@@ -156,6 +172,11 @@ def test_before_and_after_are_judged_on_the_same_aircraft(tmp_path: Path) -> Non
     assert [words for words, _ in work.told] == [
         f"{INERTIAL}: judging before at 5 %", f"{INERTIAL}: judging after at 5 %",
     ]  # fmt: skip
+    assert [flies for flies, _ in work.parts.flights] == [
+        TuningFlight(gains=gains, kind=INERTIAL, turbulence=0.05, aircraft=i, judges=True)
+        for gains in ("before", "after")
+        for i in range(3)
+    ]
 
 
 # --- who is chosen --------------------------------------------------------------------------------

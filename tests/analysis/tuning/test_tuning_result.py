@@ -37,6 +37,7 @@ def made(**changes: Any) -> Tuned:
         "judged": dict.fromkeys(SETS, Judged(60, 1, 2, 0.4567)),
         "flown": [],
         "candidates": {kind: [] for kind in SETS},
+        "flights": [],
     }
     return Tuned(**{**parts, **changes})
 

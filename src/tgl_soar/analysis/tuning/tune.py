@@ -110,6 +110,16 @@ class FlownRow(NamedTuple):
     after: flights.Outcomes
 
 
+class TuningFlight(NamedTuple):
+    """A flight of a drawn aircraft, by which gains are chosen or judged."""
+
+    gains: str  # whose: a finalist's, or those of before and of after
+    kind: str
+    turbulence: float
+    aircraft: int  # by its number: the same for all gains and both turbulences of a purpose
+    judges: bool  # else it chooses
+
+
 class Tuned(NamedTuple):
     """What was found."""
 
@@ -121,6 +131,7 @@ class Tuned(NamedTuple):
     judged: dict[str, Judged]
     flown: list[FlownRow]
     candidates: dict[str, list[Candidate]]
+    flights: list[tuple[TuningFlight, flights.DrawnFlight]]  # all, in their order
 
 
 Report = Callable[[str, float], None]  # what is being done, and how much of it, 0 … 1
@@ -187,7 +198,9 @@ def tune(task: Task, progress: ProgressFile, report: Report, executor: Executor)
     pool = _Pool(executor, demands)
     for kind in SETS:
         candidates[kind] = _candidates(task, start, kind, pool, progress, report)
-    at_work = _AtWork(task=task, field=field, pool=pool, progress=progress, report=report)
+    at_work = _AtWork(
+        task=task, field=field, pool=pool, progress=progress, report=report, flights=[]
+    )
     before = {kind: _before(at_work, kind) for kind in SETS}
     for kind in SETS:
         chosen = _chosen(at_work, start, kind, candidates[kind])
@@ -210,6 +223,7 @@ def tune(task: Task, progress: ProgressFile, report: Report, executor: Executor)
         judged=judged,
         flown=flown,
         candidates=candidates,
+        flights=at_work.flights,
     )
 
 
@@ -277,6 +291,7 @@ class _AtWork(NamedTuple):
     pool: _Pool
     progress: ProgressFile
     report: Report
+    flights: list[tuple[TuningFlight, flights.DrawnFlight]]  # those that were flown
 
 
 def _chosen(
@@ -293,9 +308,14 @@ def _chosen(
         lost, square = 0, 0.0
         for turbulence in TURBULENCES:
             what = f"{kind}: finalist {which + 1} of {len(found)} at {100.0 * turbulence:g} %"
-            flown = _flown(
-                at_work, values, kind, turbulence, FOR_CHOICE, task.effort.choosing, what
+            flies = TuningFlight(
+                gains=f"finalist {which + 1}",
+                kind=kind,
+                turbulence=turbulence,
+                aircraft=0,
+                judges=False,
             )
+            flown = _flown(at_work, values, flies, task.effort.choosing, what)
             lost += flown.of - flown.up
             square += flown.rms_e_rho_m**2
         return lost, square
@@ -312,9 +332,7 @@ def _judged_in_flight(
         _flown(
             at_work,
             values,
-            kind,
-            turbulence,
-            FOR_JUDGING,
+            TuningFlight(gains=name, kind=kind, turbulence=turbulence, aircraft=0, judges=True),
             count,
             f"{kind}: judging {name} at {100.0 * turbulence:g} %",
         )
@@ -324,15 +342,11 @@ def _judged_in_flight(
 
 
 def _flown(
-    at_work: _AtWork,
-    values: ParameterSet,
-    kind: str,
-    turbulence: float,
-    purpose: int,
-    count: int,
-    what: str,
+    at_work: _AtWork, values: ParameterSet, flies: TuningFlight, count: int, what: str
 ) -> flights.Outcomes:
-    task, field, pool, progress, report = at_work
+    task, field, pool, progress, report, known = at_work
+    purpose = FOR_JUDGING if flies.judges else FOR_CHOICE
+    kind, turbulence = flies.kind, flies.turbulence
     flown: list[flights.DrawnFlight] = []
     for first in range(0, count, CHUNK):
         attempts = [
@@ -345,6 +359,7 @@ def _flown(
             lambda attempts=attempts: pool.map(_flight_of, [(field, a) for a in attempts]),  # type: ignore[misc]
         )
         flown += [flights.DrawnFlight._make(row) for row in rows]
+    known += [(flies._replace(aircraft=i), each) for i, each in enumerate(flown)]
     return flights.survival(flown)
 
 
@@ -359,7 +374,7 @@ def _before(at_work: _AtWork, kind: str) -> Given:
 
 def _judged(at_work: _AtWork, values: ParameterSet, kind: str) -> Judged:
     """Aircraft on the linear model that served nothing before."""
-    task, _, pool, progress, report = at_work
+    task, pool, progress, report = at_work.task, at_work.pool, at_work.progress, at_work.report
     count = task.effort.judging_linear
     gains = ", ".join(f"{values[name]:.9g}" for name in (*SOUGHT[kind], *ANCHORS))
     report(f"{kind}: margins of {count} more aircraft", 0.0)

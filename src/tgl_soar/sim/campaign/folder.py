@@ -22,12 +22,12 @@ from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.journal import Journal, JournalError
 from tgl_soar.sim.campaign.manifest import (
-    Manifest,
     key_of,
     manifest_of,
     now,
     read_manifest,
     run_by,
+    stable,
     write_manifest,
 )
 from tgl_soar.sim.campaign.rows import available, write_rows
@@ -154,7 +154,7 @@ class CampaignFolder(Generic[Job, Flown]):
         if written:
             jobs = self.campaign.jobs
             pairs = zip(map(jobs.__getitem__, range(len(jobs))), self, strict=True)
-            kept = {"tgl_soar": msgspec.json.encode(_stable(self.manifest)).decode()}
+            kept = {"tgl_soar": msgspec.json.encode(stable(self.manifest)).decode()}
             kind = type(jobs[0]) if len(jobs) else object
             try:
                 write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
@@ -228,8 +228,3 @@ def _locked(path: Path) -> int:
         os.close(held)
         raise JournalError(f"{path}: another process flies this campaign") from None
     return held
-
-
-def _stable(manifest: Manifest) -> Manifest:
-    """What does not depend on who flew it, nor when."""
-    return msgspec.structs.replace(manifest, runs=[], complete=True)

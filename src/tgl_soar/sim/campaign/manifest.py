@@ -67,6 +67,11 @@ def key_of(manifest: Manifest) -> str:
     return digest(whole)[:32]
 
 
+def stable(manifest: Manifest) -> Manifest:
+    """What does not depend on who flew it, nor when: what a table of flights carries."""
+    return msgspec.structs.replace(manifest, runs=[], complete=True)
+
+
 def run_by(description: str, before: int) -> dict[str, Any]:
     """A run that begins: by whom, on what computer, and how much was there before it."""
     return {"begun": now(), "by": description, "from": before, **host_metadata()}

@@ -189,7 +189,7 @@ def path(ended: str = "hit the ground at x -30.0, z 0.0 m", **columns: Any) -> T
 
 
 def hour_of(monkeypatch: pytest.MonkeyPatch, flown: Trajectory) -> FlownHour:
-    hill = SoaredHill(8.0, FENCE, 1.0, POLAR)
+    hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.0, polar=POLAR)
     monkeypatch.setattr(hour, "path_of", lambda *_: (flown, VALUES))
     monkeypatch.setattr(hour, "record_of", lambda _job: FALLS)
     monkeypatch.setattr(hour, "hill_of", lambda *_: hill)
@@ -217,7 +217,7 @@ def test_a_flight_that_breaks_off_tells_when_how_high_and_in_which_wind(
     assert found.throttle_s == pytest.approx(2.0)
     assert (found.case, found.seed) == (HourCase(8.0), 3)
     across = wind_across(FALLS, 60.0)
-    hill = SoaredHill(8.0, FENCE, 1.0, POLAR)
+    hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.0, polar=POLAR)
     assert found.possible_s == longest_s(hill, across, -6.2, 14.2)
     assert found.soarable == soarable_fraction(hill, across)
 
@@ -372,7 +372,7 @@ FLAT = GlidePolar(c0=0.5, c1=0.0, c2=0.0, c3=0.0, speed_min_mps=8.0, speed_max_m
 def test_a_sink_is_the_polars() -> None:
     speeds = np.array([8.0, 9.5, 11.0])
     assert sinks(POLAR, speeds) == pytest.approx([polar_sink(POLAR, v) for v in speeds.tolist()])
-    hill = SoaredHill(8.0, FENCE, 1.0, FLAT)
+    hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.0, polar=FLAT)
     assert hill.speeds_mps == (7.7, 13.0)  # as far as rollouts of the search take it
 
 
@@ -380,7 +380,7 @@ def test_a_sink_is_the_polars() -> None:
 def test_some_place_is_soarable_where_the_flow_by_hand_says_so(sink_mps: float) -> None:
     """Every place of a fine grid, by the equations of the flow over a half cylinder.  A wing that
     sinks by little is soared wherever it can fly, one that sinks by much where the air rises."""
-    hill = SoaredHill(8.0, FENCE, 1.5, FLAT._replace(c0=sink_mps))
+    hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.5, polar=FLAT._replace(c0=sink_mps))
     winds, possible = soarable_winds(hill, 9.0)
     assert winds[0] == 0.0
     assert np.diff(winds) == pytest.approx(np.full(len(winds) - 1, 0.05))
@@ -401,7 +401,7 @@ def test_some_place_is_soarable_where_the_flow_by_hand_says_so(sink_mps: float) 
 
 
 def test_a_share_is_of_the_nearest_winds_in_the_table() -> None:
-    hill = SoaredHill(8.0, FENCE, 1.5, FLAT)
+    hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.5, polar=FLAT)
     winds, possible = soarable_winds(hill, 9.0)
     least = float(winds[possible].min())
     given = np.array([least + 0.02, least - 0.02, least - 0.03, least + 0.03, 1.0, 9.0, 9.0, 9.0])
@@ -418,7 +418,12 @@ def test_the_wind_across_is_that_of_each_second() -> None:
 
 def test_a_path_without_lift_sinks_at_the_least_and_ends_at_the_fence() -> None:
     """0.5 m/s of sink at any speed: in a wind of 8 m/s far from the hill nothing rises."""
-    far = SoaredHill(1.0, FENCE._replace(x_min_m=-400.0, x_max_m=-200.0), 1.0, FLAT)
+    far = SoaredHill(
+        radius_m=1.0,
+        fence=FENCE._replace(x_min_m=-400.0, x_max_m=-200.0),
+        clearance_m=1.0,
+        polar=FLAT,
+    )
     seconds = longest_s(far, np.full(100, 8.0), -300.0, 10.2)
     # (10.2 - 0.5) / 0.5 steps can be taken, and the twentieth is below the fence.
     assert seconds == pytest.approx(19.0, abs=1.0)
@@ -433,14 +438,24 @@ def test_a_path_without_lift_sinks_at_the_least_and_ends_at_the_fence() -> None:
 
 def test_a_path_is_blown_out_of_the_fence_by_a_wind_faster_than_it_flies() -> None:
     """16 m/s of wind and 13 of airspeed: 3 m/s backwards, 30 m to the fence."""
-    far = SoaredHill(1.0, FENCE._replace(x_min_m=-400.0, x_max_m=-270.0), 1.0, FLAT)
+    far = SoaredHill(
+        radius_m=1.0,
+        fence=FENCE._replace(x_min_m=-400.0, x_max_m=-270.0),
+        clearance_m=1.0,
+        polar=FLAT,
+    )
     assert longest_s(far, np.full(60, 16.0), -300.0, 24.0) == pytest.approx(10.0, abs=1.0)
-    slow = SoaredHill(1.0, FENCE._replace(x_min_m=-330.0, x_max_m=-200.0), 1.0, FLAT)
+    slow = SoaredHill(
+        radius_m=1.0,
+        fence=FENCE._replace(x_min_m=-330.0, x_max_m=-200.0),
+        clearance_m=1.0,
+        polar=FLAT,
+    )
     # 4.7 m/s of wind and 7.7 of airspeed: 3 m/s forwards, 30 m to the fence.
     assert longest_s(slow, np.full(60, 4.72), -300.0, 24.0) == pytest.approx(10.0, abs=1.0)
 
 
 def test_a_path_begins_where_it_is_asked_to() -> None:
-    hill = SoaredHill(8.0, FENCE, 1.0, POLAR)
+    hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.0, polar=POLAR)
     assert longest_s(hill, np.full(5, 7.0), -6.2, 14.2) == 5.0
     assert longest_s(hill, np.full(20, 7.0), -0.2, 9.2) < 20.0  # over the crest nothing rises
