@@ -101,8 +101,8 @@ FURTHER: Final[dict[str, Callable[[], Place]]] = {
 SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("point.md", "point"): ("a brake", *DISPERSED),
     ("outdoors.md", "outdoors"): ("home from the hill", "from the hand", OVER_HILL),
-    ("outdoors.md", "satellites"): ("home from the hill", OVER_HILL),
-    ("outdoors.md", "rangefinder"): (OVER_HILL,),
+    ("outdoors.md", "satellites"): ("home from the hill", OVER_HILL, "faults"),
+    ("outdoors.md", "rangefinder"): (OVER_HILL, "faults"),
     ("outdoors.md", "hour"): ("home from the hill", OVER_HILL),
     ("outdoors.md", "beating"): ("home from the hill", "beating", OVER_HILL),
     ("margins.md", "margins"): (),
