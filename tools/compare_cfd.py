@@ -128,7 +128,8 @@ class Board(NamedTuple):
 
 
 def board_of(plane: GridField, somewhere_m: float) -> Board | None:
-    """The board of which the cells of the column somewhere_m are part; None: there is none.
+    """The board of which the cells of the column somewhere_m are part; None: there is none, or its
+    tip is not in the plane.
 
     A line through the tops of the solid cells, from the level floor up to where they fall off.
     """
@@ -144,7 +145,7 @@ def board_of(plane: GridField, somewhere_m: float) -> Board | None:
         first -= 1
     while last + 1 < len(x) and top[last + 1] >= top[last]:
         last += 1
-    if last - first < 2 or top[last] - top[first] < 2.0 * table.dz_m:
+    if last == len(x) - 1 or last - first < 2 or top[last] - top[first] < 2.0 * table.dz_m:
         return None
     rise, height = np.polyfit(x[first : last + 1], top[first : last + 1], 1)
     foot_x = (level - height) / rise
@@ -158,7 +159,7 @@ def why_another(plane: GridField, slope_rad: float, board_m: float) -> str:
     """Why a board from x = z = 0 is not the plane's, by a cell at foot or tip, or by its slope."""
     found = board_of(plane, 0.5 * board_m * cos(slope_rad))
     if found is None:
-        return "there is no board there"
+        return "there is no board there that ends within the plane"
     tip = found.x_m + found.length_m * cos(found.slope_rad)
     off = {
         "the foot's height": found.z_m,
@@ -172,7 +173,7 @@ def why_another(plane: GridField, slope_rad: float, board_m: float) -> str:
     }
     what, worst = max(off.items(), key=lambda each: abs(each[1]))
     turned = abs(found.slope_rad - slope_rad) > SLOPE_OFF_RAD
-    if abs(worst) <= plane.table.dx_m and not turned:
+    if abs(worst) <= max(plane.table.dx_m, plane.table.dz_m) and not turned:
         return ""
     return (
         f"the plane's own is {found.length_m:.2f} m long at {degrees(found.slope_rad):.1f} degrees,"
@@ -223,12 +224,9 @@ def main() -> int:
         f" {100 * d.shear_per_m:+.1f} % of the wind a metre more than the plane's, which grows by"
         f" {100 * nozzle_shear(plane, shape):+.1f} % a metre in the nozzle"
     )
-    print(
-        "its free edge is higher by "
-        + ", ".join(
-            f"{100 * e:+.1f} cm at x {x:g} m" for x, e in zip(EDGES_M, d.edge_m, strict=True)
-        )
-    )
+    edges = zip(EDGES_M, d.edge_m, strict=True)
+    higher = [f"{100 * edge:+.1f} cm at x {x:g} m" for x, edge in edges if isfinite(edge)]
+    print(f"its free edge is higher by {', '.join(higher) or '– (the plane has none)'}")
     return 0
 
 

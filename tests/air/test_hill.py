@@ -93,7 +93,7 @@ def test_the_hill_is_round() -> None:
 @pytest.mark.parametrize(("wind", "radius"), [(0.1, 0.1), (999.0, 0.99e6)])
 def test_small_and_large_hills_are_taken(wind: float, radius: float) -> None:
     field = HillField(wind, radius)
-    assert field.hill == Hill(wind_mps=wind, radius_m=radius)
+    assert field.hill == Hill(wind_mps=wind, radius_m=radius, ground_radius_m=radius)
     assert field.reference_wind_mps == wind
 
 
@@ -162,6 +162,23 @@ def test_arrays_of_a_sheared_wind_equal_single_queries(growth: float) -> None:
             one = field.wind_at(float(x[i, k]), 0.0, float(z[i, k]), 0.0)
             assert (u[i, k], v[i, k], w[i, k]) == pytest.approx(one, abs=1e-12)
     assert (float(u[10, 0]), float(w[10, 0])) == (0.0, 0.0)  # in the ground
+
+
+@pytest.mark.parametrize("flow_m", [19.5, 20.5])
+def test_the_ground_may_be_of_another_radius_than_the_flow(flow_m: float) -> None:
+    field = HillField(9.0, flow_m, 0.1, ground_radius_m=20.0)
+    assert not field.inside(-12.0, 0.0, 15.9)
+    assert field.inside(-12.0, 0.0, 16.1)
+    assert field.wind_at(-30.0, 0.0, 20.0, 0.0) == HillField(9.0, flow_m, 0.1).wind_at(
+        -30.0, 0.0, 20.0, 0.0
+    )
+    assert (field.wind_at(-12.0, 0.0, 16.1, 0.0)[0] == 0.0) == (flow_m > 20.0)
+
+
+@pytest.mark.parametrize("ground_m", [0.0, -1.0, 1e6, float("nan")])
+def test_a_ground_that_no_hill_has_is_named(ground_m: float) -> None:
+    with pytest.raises(ValueError, match="in the ground: must be positive"):
+        HillField(9.0, 20.0, 0.0, ground_m)
 
 
 def test_a_place_without_end_is_no_error() -> None:

@@ -73,10 +73,19 @@ def test_every_flight_is_a_row_that_a_report_counts(
     manifest = read_manifest(Path(f"{out}.manifest.json"))
     assert manifest is not None
     assert whence["parameters_digest"] == manifest.parameters_digest
-    assert whence["runs"] == []
+    assert (whence["runs"], whence["complete"]) == ([], True)
     counted = CliRunner().invoke(app, ["campaign", "report", str(table), "--by", "gains"])
     assert counted.exit_code == 0, counted.output
     assert "before" in counted.output
+    # Other gains, of which none was flown: the table is not theirs.
+    result = CliRunner().invoke(app, [*FEW, "--out", str(out), "--flights", "0"])
+    assert result.exit_code == 0, result.output
+    assert not table.exists()
+    table.mkdir()
+    result = CliRunner().invoke(app, [*FEW, "--out", str(out)], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    assert "no table of the flights" in result.output
+    assert "before" in result.output
 
 
 def test_without_pyarrow_there_is_no_table_and_the_gains_are_there(

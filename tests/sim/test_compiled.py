@@ -364,6 +364,8 @@ def grid(depth: int, outside: Literal["nan", "edge", "still"]) -> GridField:
         partial(SlopeJet, 9.0, 0.40),
         partial(HillField, 7.0, 8.0),
         partial(HillField, 7.0, 8.0, 0.14),
+        partial(HillField, 7.0, 8.2, 0.0, 8.0),
+        partial(HillField, 7.0, 7.8, 0.0, 8.0),
         partial(grid, 0, "nan"),
         partial(grid, 0, "edge"),
         partial(grid, 3, "nan"),

@@ -51,6 +51,7 @@ class Hill(NamedTuple):
     wind_mps: float  # U, at the height R
     radius_m: float  # R
     growth: float = 0.0  # g: of the wind far upstream with height, d ln U / d ln z at the height R
+    ground_radius_m: float = 0.0  # of the hill that may be hit, where the flow has another; 0: R
 
 
 def hill_wind(hill: Hill, x_m: float, z_m: float) -> tuple[float, float]:
@@ -83,19 +84,31 @@ class HillField:
     """The wind over a half cylinder, the same at every y and at all times.
 
     Inside the hill and below the ground the wind is zero and `inside` is false.
-    growth: of the wind far upstream with height, as of `Hill`.
+    growth, ground_radius_m: as of `Hill`.  Between the ground and a flow of a larger radius the air
+    is still.
     Errors: ValueError for a radius that is not positive, a wind that is not finite, or one that
-    blows upstream on the ground.
+    blows the other way on the ground far upstream.
     """
 
-    def __init__(self, wind_mps: float, radius_m: float, growth: float = 0.0) -> None:
+    def __init__(
+        self,
+        wind_mps: float,
+        radius_m: float,
+        growth: float = 0.0,
+        ground_radius_m: float | None = None,
+    ) -> None:
         if not 0.0 < radius_m < 1e6:
             raise ValueError(f"hill radius {radius_m} m: must be positive and below 1e6 m")
         if not 0.0 < wind_mps < 1e3:
             raise ValueError(f"hill wind {wind_mps} m/s: must be positive and below 1000 m/s")
         if not -1.0 <= growth <= 1.0:
             raise ValueError(f"hill: growth of the wind with height {growth}: must be -1 ... 1")
-        self.hill = Hill(float(wind_mps), float(radius_m), float(growth))
+        ground_m = radius_m if ground_radius_m is None else ground_radius_m
+        if not 0.0 < ground_m < 1e6:
+            raise ValueError(
+                f"hill of {ground_m} m in the ground: must be positive and below 1e6 m"
+            )
+        self.hill = Hill(float(wind_mps), float(radius_m), float(growth), float(ground_m))
 
     @property
     def reference_wind_mps(self) -> float:
@@ -141,4 +154,4 @@ class HillField:
 
     def inside(self, x_m: float, y_m: float, z_m: float) -> bool:  # noqa: ARG002
         """Above the ground and outside the hill."""
-        return z_m >= 0.0 and x_m * x_m + z_m * z_m >= self.hill.radius_m**2
+        return z_m >= 0.0 and x_m * x_m + z_m * z_m >= self.hill.ground_radius_m**2

@@ -102,7 +102,7 @@ def tune_command(
         progress = _progress(task, out, restart=restart)
         tuned = _tuned(task, progress, executor_of(workers, scheduler))
         _write(task, tuned, airframe, line or "", out, airframe_out, figure)
-        _write_manifest(task, progress, out)
+        _write_origin(task, tuned, progress, out)
         progress.delete()
     except (ConfigError, ParameterError, ImportError, ClusterError, WorkerLost) as error:
         fail(error)
@@ -228,21 +228,26 @@ def _write(
         say(f"airframe file in {airframe_out}: compare it with {airframe} before you fly with it")
     write_state(out, as_toml(task, tuned, airframe.name, line).encode(), None)
     say(f"gains in {out}")
-    _write_rows(task, tuned, out)
 
 
-def _write_manifest(task: Task, progress: ProgressFile, out: Path) -> None:
-    """Errors: OSError."""
+def _write_origin(task: Task, tuned: Tuned, progress: ProgressFile, out: Path) -> None:
+    """The manifest, and every flight as campaigns keep them.  Errors: OSError, of the manifest."""
     from tgl_soar.analysis.tuning.tune import concluded
     from tgl_soar.sim.campaign.manifest import write_manifest
 
     path = out.with_name(out.name + MANIFEST_SUFFIX)
     write_manifest(path, concluded(task, progress))
     say(f"where they come from in {path}")
+    rows = out.with_name(out.name + ROWS_SUFFIX)
+    try:
+        rows.unlink(missing_ok=True)  # of other gains
+        _write_rows(task, tuned, rows)
+    except OSError as error:
+        hint(f"no table of the flights: {rows} cannot be written: {error.strerror or error}")
 
 
-def _write_rows(task: Task, tuned: Tuned, out: Path) -> None:
-    """Every flight, as campaigns keep them.  Errors: OSError."""
+def _write_rows(task: Task, tuned: Tuned, path: Path) -> None:
+    """Where any were flown.  Errors: OSError."""
     from tgl_soar.analysis.tuning.flights import DrawnFlight
     from tgl_soar.analysis.tuning.tune import TuningFlight, manifest
     from tgl_soar.sim.campaign.manifest import stable
@@ -253,7 +258,6 @@ def _write_rows(task: Task, tuned: Tuned, out: Path) -> None:
     if not available():
         hint(f"no table of the flights: {MISSING}")
         return
-    path = out.with_name(out.name + ROWS_SUFFIX)
     whence = {"tgl_soar": msgspec.json.encode(stable(manifest(task))).decode()}
     write_rows(path, TuningFlight, DrawnFlight, tuned.flights, whence)
     say(f"a row for each flight in {path}: tgl-soar campaign report {path}")

@@ -108,7 +108,7 @@ def air_wind(air: Air, x_m: float, y_m: float, z_m: float) -> Wind:
 def air_inside(air: Air, x_m: float, y_m: float, z_m: float) -> bool:
     """Whether the field describes the air at this place, as the field's own `inside`."""
     if air.kind == HILL:
-        radius = air.hill.radius_m
+        radius = air.hill.ground_radius_m
         return z_m >= 0.0 and x_m * x_m + z_m * z_m >= radius * radius
     if air.kind == BOARD:
         table = air.jet.table

@@ -72,6 +72,7 @@ from tgl_soar.analysis.experiments.staleness import (
     differences,
     is_as_written,
     mark,
+    marked,
     probed,
 )
 from tgl_soar.config.files import shipped
@@ -272,6 +273,8 @@ def test_pages_are_written_for_what_there_is() -> None:
     paper, ours = result(YES), result(YES, name="ours", own=True)
     assert set(pages([paper], lambda _: ends)) == {"experiments.md"}
     assert set(pages([ours], lambda _: ends)) == {"aims.md"}
+    both = pages([paper, ours], lambda name: {name: (1.0, 2.0)})
+    assert [marked(text) for text in both.values()] == [{name: (1.0, 2.0)} for name in both]
     assert pages([], lambda _: ends) == {}
     text = page([paper], ends)
     assert text.startswith("# The paper's experiments, flown in simulation\n\n")
@@ -324,7 +327,7 @@ def test_a_section_is_written_between_its_marks_and_nowhere_else() -> None:
     assert text.startswith(f"head\n{begin}\n\n\nflown.\n")
     assert f"\n\n{mark(ends)}\n<!-- sum of" in text
     assert text.endswith(" -->\n\n<!-- name: end -->\nfoot")
-    assert is_as_written(text.partition(begin)[2])
+    assert is_as_written(text.partition(begin)[2].partition("<!-- name: end")[0])
     assert "old" not in text
     assert "## `name`" not in text  # the page has a heading of its own
     assert DISPERSED_WORDS not in text

@@ -192,7 +192,8 @@ def test_a_hill_has_the_flow_of_another_radius_and_of_a_wind_that_grows_with_hei
     assert recorded.wind_at(*at) == RecordedField(own, record).wind_at(*at)
     # The ground that may not be hit is the file's, and so is what the module is given.
     assert mismatched_site(site, drawn) == site
-    assert field.inside(-8.1, 0.0, 0.0)
+    for x_m, there in ((-8.01, True), (-7.99, False)):
+        assert own.inside(x_m, 0.0, 0.0) == field.inside(x_m, 0.0, 0.0) == there
 
 
 def test_a_jet_between_those_of_the_bounds_is_that_jet() -> None:

@@ -67,9 +67,13 @@ def test_what_is_changed_by_hand_is_noticed_and_a_notice_is_not() -> None:
     for edited in (text.replace("✗", "✓"), text.replace("9.6", "0.6"), text.replace("# ", "#")):
         assert not is_as_written(edited)
     for notice in (staleness.OLDER, "> **The figures of this section are older than the laws.**"):
-        assert is_as_written(text.replace("\n\n|", f"\n\n{notice} `command` flies them.\n\n|"))
+        assert is_as_written(
+            text.replace("\n\n|", f"\n\n{notice} `command` flies\nthem anew.\n\n|")
+        )
     assert not is_as_written(text.replace("\n\n|", "\n\n> **The figures are fine.**\n\n|"))
     assert not is_as_written(page())
+    assert not is_as_written(text + "\n✓ all of it\n")
+    assert not is_as_written(text.replace("<!-- sum", "✓ all of it <!-- sum"))
     assert not is_as_written(text.replace("<!-- probes", "<!-- "))
 
 

@@ -109,7 +109,7 @@ SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("margins.md", "unseen"): (IN_TUNNEL,),
     ("margins.md", "dispersed"): (),
     ("margins.md", "leans"): (IN_TUNNEL,),
-    ("margins.md", "latency"): (IN_TUNNEL,),
+    ("margins.md", "latency"): DISPERSED,
     ("margins.md", "airframes"): (),
     ("search.md", "search"): ("a search", SEARCHING),
     ("search.md", "nowhere"): ("a search", "home from the hill", SEARCHING),

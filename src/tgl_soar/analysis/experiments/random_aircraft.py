@@ -263,7 +263,12 @@ def _other_hill(field: HillField, drawn: Mismatch) -> HillField:
     if (drawn.hill_radius, drawn.hill_growth) == (AS_FILED.hill_radius, AS_FILED.hill_growth):
         return field
     hill = field.hill
-    return HillField(hill.wind_mps, hill.radius_m * drawn.hill_radius, drawn.hill_growth)
+    return HillField(
+        wind_mps=hill.wind_mps,
+        radius_m=hill.radius_m * drawn.hill_radius,
+        growth=drawn.hill_growth,
+        ground_radius_m=hill.ground_radius_m,
+    )
 
 
 def mismatched_site(site: Site, drawn: Mismatch) -> Site:

@@ -32,7 +32,10 @@ PROBES: Final[dict[str, tuple[str, SensorSpec, ModelKind]]] = {
     "point mass": ("static", SensorSpec(), "point_mass"),
 }
 OLDER: Final = "> **The figures on this page are older than the laws.**"
-NOTICE: Final = re.compile(r"^> \*\*The figures .* are older than the laws\.\*\*.*$", re.MULTILINE)
+NOTICE: Final = re.compile(
+    r"> \*\*The figures (on this page|of this section) are older than the laws\.\*\*"
+    r" `[^`]+` flies them anew\."
+)
 SUM: Final = re.compile(r"<!-- sum of what was written: ([0-9a-f]+) -->")
 MARK: Final = re.compile(r"<!-- probes, x and z at the end \[m\]: (.*) -->")
 
@@ -70,14 +73,21 @@ def sealed(written: str, ends: Ends) -> str:
 
 
 def is_as_written(page: str) -> bool:
-    """Whether what stands before the probes is what a command wrote, but for blanks and a notice
+    """Whether it is what a command wrote, to its sum and no further, but for blanks and a notice
     that it is older."""
-    found, probes = SUM.search(page), MARK.search(page)
-    return found is not None and probes is not None and found[1] == _sum(page[: probes.start()])
+    written, probes, rest = page.partition("<!-- probes,")
+    found = SUM.search(rest)
+    return (
+        bool(probes)
+        and found is not None
+        and found[1] == _sum(written)
+        and rest[found.end() :].isspace()
+        and MARK.fullmatch((probes + rest[: found.start()]).strip()) is not None
+    )
 
 
 def _sum(written: str) -> str:
-    words = " ".join(NOTICE.sub("", written).split())
+    words = " ".join(NOTICE.sub("", " ".join(written.split())).split())
     return hashlib.sha256(words.encode()).hexdigest()[:16]
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tgl_soar.air.hill import HillField
 from tgl_soar.analysis.experiments.outdoors.hour import HourCase, HourJob, hill_of, record_of
 from tgl_soar.analysis.experiments.outdoors.hour_bound import (
     SoaredHill,
+    _unit_flow,
     longest_s,
     soarable_fraction,
     soarable_winds,
@@ -47,3 +49,15 @@ def test_the_wind_is_that_across_the_ridge() -> None:
     winds = wind_across(record, 60.0)
     assert len(winds) == 60
     assert winds[7] == pytest.approx(record.wind_mps.at(7.0) * np.cos(record.veer_rad.at(7.0)))
+
+
+def test_the_flow_is_that_which_blows_and_the_ground_the_hill_s() -> None:
+    hill = hill_of(HourJob(HourCase(8.0), 1), shipped_hill().on_line("a").values)
+    other = hill._replace(flow_radius=1.02, growth=0.1)
+    x, z = np.array([-6.2, -9.5, -9.1, -8.9]), np.array([14.2, 0.6, 0.6, 0.6])
+    u, w, allowed = _unit_flow(other, x, z)
+    field = HillField(1.0, 8.0 * 1.02, 0.1)
+    for n in range(4):
+        assert (u[n], 0.0, w[n]) == pytest.approx(field.wind_at(float(x[n]), 0.0, float(z[n]), 0.0))
+    # A metre from the hill of 8 m, whatever flows over it.
+    assert allowed.tolist() == [True, True, True, False]

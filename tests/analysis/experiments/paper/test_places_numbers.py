@@ -352,5 +352,5 @@ def test_each_air_is_drawn_in_the_wind_of_its_best_glide(
         others = {p["wind_mps"] for p in names} - {names[2]["wind_mps"]}
         assert given[6] == (
             f"{names[0]['site']}, wind and contour at {names[2]['wind_mps']:.2f} m/s"
-            + ("; a place of another wind is off" if others else "")
+            + ("; others lie off it" if others else "")
         )

@@ -472,7 +472,7 @@ def wind_claims(small: list[WindShift], full: list[WindShift]) -> tuple[Claim, .
     return (
         decided(
             "for a small change of wind the aircraft rises on the slow side, stays at best glide"
-            f" (within {100 * STAYS_M:g} cm), falls beyond",
+            f" (within {100 * STAYS_M:g} cm), falls beyond, by more than that",
             rises_stays_falls(small),
             f"{_all_shifts(small)}, from 8.25 to 8.75 m/s",
         ),

@@ -263,7 +263,7 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
         ),
         decided(
             "so a gust leaves the aircraft higher on the slow side, where it was at best glide"
-            f" (within {100 * STAYS_M:g} cm), lower beyond",
+            f" (within {100 * STAYS_M:g} cm), lower beyond, by more than that",
             all_of(
                 (
                     *(above(c.in_the_end_m, c.in_the_end_error_m, STAYS_M) for c in slow),
@@ -275,7 +275,8 @@ def sensitivity_claims(changes: list[WindEffect], best_mps: float) -> tuple[Clai
             f"{in_the_end}; {sum(c.lost for c in changes)} flights lost",
         ),
         decided(
-            "the aircraft's immediate answer to a gust has that sign",
+            "the aircraft's immediate answer to a gust has that sign, by more than"
+            f" {1000 * STOOD_M:g} mm",
             all_of(
                 (
                     *(above(c.at_once_m, c.at_once_error_m, STOOD_M) for c in slow),

@@ -455,7 +455,7 @@ def _draw(context: Context, here: dict[tuple[str, str], tuple[Scenario, float]])
             ground_outline(base.site.air),
             marked,
             f"{site}, wind and contour at {wind_mps:.2f} m/s"
-            + ("" if all(mps == wind_mps for mps in winds) else "; a place of another wind is off"),
+            + ("" if all(mps == wind_mps for mps in winds) else "; others lie off it"),
         )
         names.append(path.name)
     return tuple(names)
