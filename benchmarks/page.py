@@ -13,7 +13,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from tgl_soar.analysis.experiments.staleness import mark, probe
+from tgl_soar.analysis.experiments.staleness import probe, sealed
 
 from .result import NO_AIM, Result
 
@@ -213,11 +213,11 @@ def _headlines(aims: Sequence[_Aim]) -> list[str]:
 
 
 def replace_table(path: Path, groups: Sequence[Group]) -> None:
-    """Between the two marks of a page, with the probes of the laws that were timed.
+    """Between the two marks of a page, with the probes of the laws that were timed and a sum.
 
     Errors: ValueError where it has none.
     """
-    _replace(path, (BEGIN, END), f"{markdown(groups)}\n\n{mark(probe())}")
+    _replace(path, (BEGIN, END), sealed(f"{markdown(groups)}\n", probe()).rstrip())
 
 
 def replace_missed(readme: Path, page: str) -> None:

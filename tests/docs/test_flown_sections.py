@@ -8,6 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 
 import pytest
+from benchmarks.page import BEGIN, END
 
 from tgl_soar.analysis.experiments import further_probes, staleness
 from tgl_soar.analysis.experiments.further_probes import (
@@ -81,6 +82,8 @@ def test_timings_are_of_the_laws_that_fly_or_say_that_they_are_older() -> None:
     text = (DOCS.parent / BENCH).read_text(encoding="utf-8")
     older = staleness.differences(text, soaring())
     assert (staleness.OLDER in text) == bool(older), f"{BENCH}: {older}; make bench"
+    table = text.partition(BEGIN)[2].partition(END)[0]
+    assert staleness.is_as_written(table), f"{BENCH}: edited by hand; make bench"
 
 
 def test_a_section_carries_its_own_probes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,7 +81,7 @@ def is_as_written(page: str) -> bool:
         bool(probes)
         and found is not None
         and found[1] == _sum(written)
-        and rest[found.end() :].isspace()
+        and not rest[found.end() :].strip()
         and MARK.fullmatch((probes + rest[: found.start()]).strip()) is not None
     )
 
