@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 import re
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from tgl_soar.analysis import experiments
 from tgl_soar.analysis.experiments import staleness
 from tgl_soar.analysis.experiments.catalogue import TOGETHER
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
 from tgl_soar.analysis.experiments.further_probes import probe_for_page
-from tgl_soar.analysis.experiments.pages import AIMS, ONCE, PAPER, page
+from tgl_soar.analysis.experiments.pages import AIMS, ONCE, OWN_PAGES, PAPER, page
+from tgl_soar.analysis.experiments.result import ChangedThreshold
 from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
 from tgl_soar.config.files import shipped
 
@@ -62,6 +66,25 @@ def test_a_verdict_counts_the_claims_of_its_section(name: str) -> None:
             assert verdict.endswith(": " + counts(claims, model)), (each, model)
             words = verdict.partition(":")[0]
             assert words in section.partition("**Verdict")[2].partition("**")[0], each
+
+
+def thresholds() -> list[ChangedThreshold]:
+    """Of all experiments, as they judge now."""
+    modules = (
+        importlib.import_module(found.name)
+        for found in pkgutil.walk_packages(experiments.__path__, f"{experiments.__name__}.")
+    )
+    values = [value for module in modules for value in vars(module).values()]
+    listed = [each for value in values if isinstance(value, tuple) for each in value]
+    found = [each for each in (*values, *listed) if isinstance(each, ChangedThreshold)]
+    return list(dict.fromkeys(found))
+
+
+@pytest.mark.parametrize("changed", thresholds(), ids=lambda changed: changed.claim[:40])
+def test_a_threshold_stands_on_a_page_as_it_judges_now(changed: ChangedThreshold) -> None:
+    row = f"| {changed.claim} | {changed.was} | {changed.now} | {changed.why} |"
+    pages = [(DOCS / name).read_text(encoding="utf-8") for name in (*PAGES, *OWN_PAGES.values())]
+    assert any(row in page for page in pages), f"{MAKE}: no page has {row}"
 
 
 def claims_of(judged: str) -> list[tuple[bool, list[str]]]:

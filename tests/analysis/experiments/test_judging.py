@@ -331,6 +331,10 @@ def test_a_section_is_written_between_its_marks_and_nowhere_else() -> None:
     assert "old" not in text
     assert "## `name`" not in text  # the page has a heading of its own
     assert DISPERSED_WORDS not in text
+    assert "Thresholds are argued" not in text
+    judged = result(YES, changed=(ChangedThreshold("c", "was", "is", "why"),))
+    told = with_result(page_, judged, "name", ends)
+    assert f"\n| `name` | c | was | is | why |\n\n{mark(ends)}\n" in told
 
 
 # --- probes ---------------------------------------------------------------------------------------

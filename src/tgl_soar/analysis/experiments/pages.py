@@ -82,6 +82,7 @@ def with_result(text: str, result: Result, name: str, ends: Ends) -> str:
     section = as_markdown(result, IMAGES).partition("\n")[2]  # the page has a heading of its own
     if DISPERSED_AIRCRAFT in result.also:
         section += f"\n{DISPERSED_WORDS}\n"
+    section += "".join(f"{line}\n" for line in changed_thresholds([result]))
     return between(text, *marks(name), sealed(section, ends))
 
 

@@ -51,6 +51,20 @@ LONG_M: Final = 3.5
 LONG_S: Final = 120.0
 BOUNDS: Final = (-0.5, 2.4, 0.2, 3.0)  # of the contour's map, beyond the fence
 STEP_M: Final = 0.02
+CHANGED: Final = (
+    ChangedThreshold(
+        "the contour is within 3 cm",
+        "smoothed over a knot and more",
+        "over six knots and more",
+        "in 2 of 20 flights at 3 % the drift in gusts was drawn as the contour's shape",
+    ),
+    ChangedThreshold(
+        "3.5 m of contour take 120 s",
+        "the whole survey as many times longer as 3.5 m are longer than what was drawn",
+        "its slides alone, and the rests as they are",
+        "a longer slide has no more rests",
+    ),
+)
 
 
 class SurveyJob(NamedTuple):
@@ -193,20 +207,7 @@ def run(context: Context) -> Result:
         numbers={"surveys": [_numbers(one) for one in flown]},
         figures=tuple(figures),
         seeds=seeds,
-        changed=(
-            ChangedThreshold(
-                "the contour is within 3 cm",
-                "smoothed over a knot and more",
-                "over six knots and more",
-                "in 2 of 20 flights at 3 % the drift in gusts was drawn as the contour's shape",
-            ),
-            ChangedThreshold(
-                "3.5 m of contour take 120 s",
-                "the whole survey as many times longer as 3.5 m are longer than what was drawn",
-                "its slides alone, and the rests as they are",
-                "a longer slide has no more rests",
-            ),
-        ),
+        changed=CHANGED,
     )
 
 
