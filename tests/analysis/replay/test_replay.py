@@ -564,7 +564,7 @@ def test_a_table_of_logs_says_where_it_comes_from(
             raise KeyboardInterrupt
         return read_log(log)
 
-    monkeypatch.setattr("tgl_soar.cli.replay.local", lambda _: InLine())
+    monkeypatch.setattr("tgl_soar.cli.replay.executor_of", lambda *_: InLine())
     with monkeypatch.context() as context:
         context.setattr("tgl_soar.analysis.replay.many.read_log", stopped_at_the_second)
         stopped = run.invoke(app, words)
