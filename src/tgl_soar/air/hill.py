@@ -51,7 +51,7 @@ class Hill(NamedTuple):
     wind_mps: float  # U, at the height R
     radius_m: float  # R
     growth: float = 0.0  # g: of the wind far upstream with height, d ln U / d ln z at the height R
-    ground_radius_m: float = 0.0  # of the hill that may be hit, where the flow has another; 0: R
+    ground_radius_m: float = 0.0  # of the hill that may be hit: `HillField` gives it, usually R
 
 
 def hill_wind(hill: Hill, x_m: float, z_m: float) -> tuple[float, float]:

@@ -6,7 +6,6 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import msgspec
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -250,7 +249,7 @@ def _write_rows(task: Task, tuned: Tuned, path: Path) -> None:
     """Where any were flown.  Errors: OSError."""
     from tgl_soar.analysis.tuning.flights import DrawnFlight
     from tgl_soar.analysis.tuning.tune import TuningFlight, manifest
-    from tgl_soar.sim.campaign.manifest import stable
+    from tgl_soar.sim.campaign.manifest import table_metadata
     from tgl_soar.sim.campaign.rows import MISSING, available, write_rows
 
     if not tuned.flights:
@@ -258,8 +257,7 @@ def _write_rows(task: Task, tuned: Tuned, path: Path) -> None:
     if not available():
         hint(f"no table of the flights: {MISSING}")
         return
-    whence = {"tgl_soar": msgspec.json.encode(stable(manifest(task))).decode()}
-    write_rows(path, TuningFlight, DrawnFlight, tuned.flights, whence)
+    write_rows(path, TuningFlight, DrawnFlight, tuned.flights, table_metadata(manifest(task)))
     say(f"a row for each flight in {path}: tgl-soar campaign report {path}")
 
 

@@ -15,8 +15,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
 
-import msgspec
-
 from tgl_soar.sim.campaign.encoding import result_type
 from tgl_soar.sim.campaign.executors import Executor
 from tgl_soar.sim.campaign.flight_list import Campaign
@@ -27,7 +25,7 @@ from tgl_soar.sim.campaign.manifest import (
     now,
     read_manifest,
     run_by,
-    stable,
+    table_metadata,
     write_manifest,
 )
 from tgl_soar.sim.campaign.rows import available, write_rows
@@ -154,7 +152,7 @@ class CampaignFolder(Generic[Job, Flown]):
         if written:
             jobs = self.campaign.jobs
             pairs = zip(map(jobs.__getitem__, range(len(jobs))), self, strict=True)
-            kept = {"tgl_soar": msgspec.json.encode(stable(self.manifest)).decode()}
+            kept = table_metadata(self.manifest)
             kind = type(jobs[0]) if len(jobs) else object
             try:
                 write_rows(self.path / ROWS, kind, self._kind, pairs, kept)

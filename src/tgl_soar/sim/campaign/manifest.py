@@ -67,9 +67,10 @@ def key_of(manifest: Manifest) -> str:
     return digest(whole)[:32]
 
 
-def stable(manifest: Manifest) -> Manifest:
-    """What does not depend on who flew it, nor when: what a table of flights carries."""
-    return msgspec.structs.replace(manifest, runs=[], complete=True)
+def table_metadata(manifest: Manifest) -> dict[str, str]:
+    """What a table of flights carries: what does not depend on who flew it, nor when."""
+    stable = msgspec.structs.replace(manifest, runs=[], complete=True)
+    return {"tgl_soar": msgspec.json.encode(stable).decode()}
 
 
 def run_by(description: str, before: int) -> dict[str, Any]:
