@@ -174,8 +174,8 @@ def test_of_those_who_speak_first_twenty_are_named_and_sixteen_kept(
     bridge.simulated.time_s = 12.3456
     forgotten: list[int] = []
     bridge.traffic.when_forgotten = forgotten.append
-    for _ in range(22):
-        stranger = bridge.end()
+    strangers = [bridge.end() for _ in range(22)]  # all at once: a port that is free is given again
+    for stranger in strangers:
         stranger.sendto(b"x", bridge.ports.ground.local)
         address = stranger.getsockname()
         assert bridge.traffic.take_one(bridge.ports.ground)
@@ -185,6 +185,7 @@ def test_of_those_who_speak_first_twenty_are_named_and_sixteen_kept(
             assert said == line
         else:
             assert said == ""
+    for stranger in strangers:
         stranger.close()
     assert len(forgotten) == 22 - 16
     assert forgotten == bridge.simulated.removed
