@@ -54,9 +54,9 @@ DT = 0.005
 FIX_TICKS = 4
 BEGINS_S = 2.0
 SILENT = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)
-UPWIND = quaternion_from_euler(0.0, 0.0, FRAME.wind_from_rad)
 AT = (0.4, -0.1, 1.3)  # where the aircraft hangs, soaring frame
 NONE = (NAN, NAN, NAN)
+STILL = (0.0, 0.0, 0.0)
 
 Triple = tuple[float, float, float]
 Errors = Callable[[int, random.Random], Triple]  # of the fix of a tick
@@ -70,8 +70,12 @@ def flight(
     speed: Triple = NONE,
     end_s: float = 5.0,
     every: int = FIX_TICKS,
+    tilted_rad: float = 0.0,
 ) -> Iterator[Flown]:
-    """Tick by tick: an aircraft that hangs still, and an accelerometer with noise."""
+    """Tick by tick: an aircraft that hangs still, and an accelerometer with noise.
+
+    tilted_rad: by which its attitude is wrong in the end, a second after fixes began to be.
+    """
     noise, state = random.Random(seed), initial_motion()
     velocity = ned_vector_from_soaring(FRAME, *speed)
     fix, force = NO_FIX, NO_IMU
@@ -83,10 +87,12 @@ def flight(
         if imu:
             fx, fy, fz = (noise.gauss(0.0, GAINS.force_sd_mps2) for _ in range(3))
             force = imu_sample(k, now, (fx, fy, fz - GRAVITY_MPS2))
+        pitch_rad = tilted_rad if now > BEGINS_S + 1.0 else 0.0
+        turned = quaternion_from_euler(0.0, pitch_rad, FRAME.wind_from_rad)
         inputs = Inputs(
             time_s=now,
             position=fix,
-            attitude=attitude_sample(k, now, UPWIND),
+            attitude=attitude_sample(k, now, turned),
             autopilot=SILENT,
             engage=False,
             imu=force,
@@ -137,6 +143,52 @@ def test_a_wrong_velocity_does_not_lead_where_positions_scatter(speed: Triple) -
             if now > BEGINS_S:
                 assert off_m(vehicle) < 0.15
                 assert state.shift == NO_SHIFT
+
+
+@pytest.mark.parametrize(("sd_m", "speed"), [(0.1, STILL), (0.2, STILL), (0.3, STILL), (0.3, NONE)])
+def test_no_frame_has_moved_where_fixes_scatter_and_attitudes_go_wrong(
+    sd_m: float, speed: Triple
+) -> None:
+    """Of what scatters fixes count little, so that accelerations, wrong by g sin 5°, lead."""
+    for seed in range(8):
+        for _, state, _, _ in flight(
+            scatter(sd_m), seed, speed=speed, end_s=8.0, tilted_rad=radians(5.0)
+        ):
+            assert state.shift == NO_SHIFT
+
+
+@pytest.mark.parametrize("wild_m", [0.024, 0.06, 0.3])
+def test_a_frame_moves_a_moment_after_a_fix_that_chance_made(wild_m: float) -> None:
+    """One alone, and a glitch of which the next two tell as well."""
+    wild = round(BEGINS_S / DT)
+    moved = wild + 5 * FIX_TICKS
+
+    def errors(k: int, noise: random.Random) -> Triple:
+        return 5.0 if k >= moved else 0.0, noise.gauss(0.0, 1e-4), wild_m if k == wild else 0.0
+
+    seen = False
+    for now, state, vehicle, quality in flight(errors):
+        seen = seen or state.noise.variance_m2 > GAINS.fix_sd_m**2
+        if now > BEGINS_S:
+            assert not quality.jumped
+            assert off_m(vehicle) < 0.03
+    assert seen
+    assert state.shift.x_m == pytest.approx(5.0, abs=0.03)
+
+
+@pytest.mark.parametrize("size_m", [0.3, 0.45, 0.49, 0.51, 0.55, 0.6, 0.8])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_step_about_the_gate_is_followed_or_moves_the_frame(size_m: float, seed: int) -> None:
+    """Without a jump, which ends a flight on the line for a moment: it is no noise."""
+
+    def errors(k: int, noise: random.Random) -> Triple:
+        x, y, z = scatter(GAINS.fix_sd_m)(k, noise)
+        return x + size_m if k * DT >= BEGINS_S else x, y, z
+
+    for now, state, vehicle, quality in flight(errors, seed):  # noqa: B007
+        assert not (quality.jumped and now > 1.0)
+    by_m = size_m - state.shift.x_m
+    assert abs(vehicle.x_m - AT[0] - by_m) < 0.03
 
 
 @pytest.mark.parametrize("imu", [True, False])

@@ -298,6 +298,7 @@ NOISE = FixNoise(
     step_z_m=STEP[2],
     step_m2=1e-4,
     step_s=0.01,
+    turns=4,
 )
 
 
@@ -330,9 +331,10 @@ def test_a_turn_beyond_five_sigmas_of_three_fixes_is_noise(
 
 def test_noise_is_of_one_source_and_outliers_say_nothing_of_it() -> None:
     other = take(known(noise=NOISE), off(known(), 1.1, (0.1, 0.0, 0.0), source=5))
-    assert (other.noise.variance_m2, other.noise[4:]) == (0.0, (0.0, 0.0, 0.0, 0.0, 0.0))
+    assert (other.noise.variance_m2, other.noise[4:9]) == (0.0, (0.0, 0.0, 0.0, 0.0, 0.0))
+    assert other.noise.turns == 0
     assert take(known(noise=NOISE), off(known(), 1.1, (3.0, 0.0, 0.0))).noise == NOISE
-    quiet = NOISE._replace(variance_m2=0.0)
+    quiet = NOISE._replace(variance_m2=0.0, turns=0)
     moved = known(noise=quiet, outliers=outliers(4, 1.05))
     shifted = take(moved, off(known(), 1.1, (2.0, 0.0, 0.0)))
     assert shifted.shift.x_m == pytest.approx(2.0)
@@ -389,6 +391,35 @@ def test_where_fixes_scatter_no_frame_is_taken_for_moved() -> None:
     found = take(state, off(state, 1.1, (2.0, 0.0, 0.0)))
     assert found.shift == known().shift
     assert found.jump_s == 1.1
+    # A single one hinders nothing.
+    found = take(state._replace(noise=noise._replace(turns=3)), off(state, 1.1, (2, 0, 0)))
+    assert found.shift.x_m == pytest.approx(2.0)
+    assert isnan(found.jump_s)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_turns_are_counted_while_the_noise_counts(axis: Triple) -> None:
+    """Until its variance is no more than a fix's own."""
+    turn_m = 5.0 * sqrt(4e-4 + 1e-4 + 6.0 * 0.01**2)
+    counts_m2, over_m2 = 1.02 * 0.01**2, 0.98 * 0.01**2
+    for before_m2, before, factor, turns in (
+        (over_m2, 0, 1.02, 1),  # the first
+        (over_m2, 0, 0.98, 0),  # none
+        (counts_m2, 1, 1.02, 2),
+        (counts_m2 / NOISE_KEPT, 2, 0.98, 2),
+        (over_m2 / NOISE_KEPT, 2, 0.98, 0),  # it has faded
+    ):
+        state = known(noise=NOISE._replace(variance_m2=before_m2, turns=before))
+        by = LEFT + STEP + np.array(times(axis, factor * turn_m))
+        assert take(state, off(state, LAST_S + 1e-4, by)).noise.turns == turns
+
+
+@pytest.mark.parametrize(("factor", "turns"), [(1.02, 4), (0.98, 0)])
+def test_what_says_the_same_again_lets_noise_fade(factor: float, turns: int) -> None:
+    state = known(noise=NOISE._replace(variance_m2=factor * 0.01**2 / NOISE_KEPT))
+    new = off(state, 1.1, (0.2, 0.0, 0.0))
+    again = take(state._replace(fix=state.fix._replace(sum=sum_of(new))), new)
+    assert again.noise.turns == turns
 
 
 def test_the_velocity_of_what_scatters_counts_as_much_less() -> None:
@@ -553,6 +584,14 @@ def test_where_the_aircraft_may_have_moved_the_estimate_begins_anew() -> None:
     assert (found.rejected, found.outliers) == (3, NO_OUTLIERS)
     gap = outliers(4, 1.09, x_m=2.0, y_m=0.5, z_m=-0.5, gap=True)
     assert fifth(by, outliers=gap).jump_s == 1.12
+
+
+def test_for_two_seconds_after_a_jump_no_frame_is_taken_for_moved() -> None:
+    """fifth: at 1.12 s."""
+    assert fifth(jump_s=1.12 - 2.02).shift.x_m == pytest.approx(2.0)
+    found = fifth(jump_s=1.12 - 1.98)
+    assert found.shift == FrameShift(0.0, 0.0, 0.0)
+    assert found.jump_s == 1.12
 
 
 @pytest.mark.parametrize("axis", AXES)

@@ -122,6 +122,7 @@ class FixNoise(NamedTuple):
     step_z_m: float
     step_m2: float  # variance of the estimate in that step, on each axis
     step_s: float  # how long it took
+    turns: int  # so many told of it, while it counts
 
 
 class Outliers(NamedTuple):
@@ -168,6 +169,7 @@ NO_NOISE: Final = FixNoise(
     step_z_m=0.0,
     step_m2=0.0,
     step_s=0.0,
+    turns=0,
 )
 NO_RECKONING: Final = Reckoning(NAN, NAN, False)
 NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, gap=False, x_m=NAN, y_m=NAN, z_m=NAN)

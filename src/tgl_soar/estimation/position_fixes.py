@@ -29,7 +29,9 @@ more, and fades with each fix that follows as it should (NOISE_KEPT).  So noise 
 who has moved once, by no more than the gate, is followed within some fifty fixes.
 
 Where R_seen counts the velocities of that source count as much less, else they would lead alone;
-what is so explained is no outlier; and no frame is taken for moved.
+and what is so explained is no outlier.  Where more turns told of it than one fix can make, fixes do
+scatter, and no frame is taken for moved: a wrong attitude may have led away an estimate that they
+hold no more.  Fewer are a step, or chance.
 
 No aircraft jumps.  Where outliers follow fixes at once, agree, and their velocities are the
 estimated one, it is the source that has moved: its filter was reset, or its origin set again.  What
@@ -107,6 +109,11 @@ NOISE_KEPT: Final = 0.8
 UNKNOWN_MPS2: Final = 60.0
 UNTOLD_MPS2: Final = 15.0
 NOISE_GATES: Final = 0.5  # so many EST_GATE at most is the noise that widens the gate
+# Turns that a single one makes: a step two, there and not on; a wild fix three, there, back, stay.
+SINGLE_TURNS: Final = 3
+# So long after an estimate was begun anew, for what was believed had led it away, no frame is taken
+# for moved: of what scatters not enough has been seen yet.
+BEGUN_S: Final = 2.0
 # Of a sum that tells whether any of six numbers has changed: roots of prime numbers, of which no
 # whole multiples cancel.  Each by itself: mypyc 2.4.1 takes a tuple of nothing but floats for one
 # that was never set.
@@ -257,13 +264,13 @@ def _compared(
             )
         shift = FrameShift(shift.x_m + rx, shift.y_m + ry, shift.z_m + rz)
         velocity = track_vx + vx, track_vy + vy, track_climb + climb
-        told = not outliers.gap and state.noise.variance_m2 <= measured.variance_m2
-        if not told or not _is_reset(gains, covariance, measured, velocity, shift):
+        is_seen = not outliers.gap and _is_held(state, now_s)
+        if not is_seen or not _is_reset(gains, covariance, measured, velocity, shift):
             compared = state._replace(innovation=innovation, jump_s=now_s)
             return _start(gains, compared, latest, measured, place)
         rx, ry, rz = 0.0, 0.0, 0.0
     elif same_source and latest.repeated > 0:  # nothing new is known
-        noise = state.noise._replace(variance_m2=NOISE_KEPT * state.noise.variance_m2)
+        noise = _faded(state.noise, measured.variance_m2)
     elif same_source:
         worst_mps2 = UNTOLD_MPS2 if state.inertial else UNKNOWN_MPS2
         step_s = time_s - last_s
@@ -309,7 +316,7 @@ def _scattered(
     estimated_m2, fix_m2: variances of the estimate and of the fix, on each axis; worst_mps2: an
     acceleration that the filter may not know of; step_s: since the fix before.
     """
-    kept_m2, x, y, z, step_x, step_y, step_z, step_m2, before_s = before
+    kept_m2, x, y, z, step_x, step_y, step_z, step_m2, before_s, turns = before
     rx, ry, rz, _ = innovation
     cx, cy, cz = rx - x, ry - y, rz - z
     turn_x, turn_y, turn_z = cx - step_x, cy - step_y, cz - step_z
@@ -320,8 +327,9 @@ def _scattered(
     is_noise = square > max(GATE_SIGMAS * GATE_SIGMAS * explained_m2, flown_m * flown_m)
     alone = kept_m2 <= fix_m2  # the first: those before it were as good as they said
     seen_m2 = square / (3.0 if alone else 18.0) if is_noise else 0.0
+    variance_m2 = max(NOISE_KEPT * kept_m2, seen_m2)
     return FixNoise(
-        variance_m2=max(NOISE_KEPT * kept_m2, seen_m2),
+        variance_m2=variance_m2,
         x_m=rx,
         y_m=ry,
         z_m=rz,
@@ -330,7 +338,14 @@ def _scattered(
         step_z_m=cz,
         step_m2=estimated_m2,
         step_s=step_s,
+        turns=turns + (1 if is_noise else 0) if variance_m2 > fix_m2 else 0,
     )
+
+
+def _faded(noise: FixNoise, fix_m2: float) -> FixNoise:
+    """The noise with a fix of which nothing new is known; fix_m2: as for `_scattered`."""
+    variance_m2 = NOISE_KEPT * noise.variance_m2
+    return noise._replace(variance_m2=variance_m2, turns=noise.turns if variance_m2 > fix_m2 else 0)
 
 
 def _discounted(measured: _Measured, noise: FixNoise) -> _Measured:
@@ -358,6 +373,12 @@ def _with_velocity(errors: Errors, measured: _Measured, track: Place) -> Errors:
 
 def _velocity_gate(estimated_m2ps2: float, measured_m2ps2: float) -> float:
     return max(GATE_MPS, GATE_SIGMAS * sqrt(estimated_m2ps2 + measured_m2ps2))
+
+
+def _is_held(state: MotionState, now_s: float) -> bool:
+    """Whether fixes have held the estimate, so that it is not off by itself."""
+    begun = now_s - state.jump_s <= BEGUN_S  # false for NaN: never
+    return state.noise.turns <= SINGLE_TURNS and not begun
 
 
 def _is_reset(
