@@ -232,6 +232,7 @@ def test_a_dispersion_follows_its_formula_within_fifteen_per_cent(ratio: float, 
     other = summary()._replace(dispersion_m=0.02, dispersion_formula_m=0.04)
     words = dispersion_note({0.01: [other], 0.03: [one]})
     assert f"is 0.50 to {ratio:.2f} times what" in words
+    assert f"is {ratio:.2f} times what" in dispersion_note({0.03: [one]})
     assert ("Most of all at 3 % of turbulence on line a" in words) is much
     assert "apart" not in words
     assert dispersion_note({0.0: [summary()._replace(dispersion_formula_m=0.0)]}) == ""

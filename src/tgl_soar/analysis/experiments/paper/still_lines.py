@@ -274,9 +274,10 @@ def dispersion_note(by_intensity: dict[float, list[LegSummary]], *, stalls: bool
     if not compared:
         return ""
     ratios = [ratio for ratio, _, _ in compared]
+    low, high = f"{min(ratios):.2f}", f"{max(ratios):.2f}"
     note = (
         "Dispersion along the line, of each flight about its own place, is"
-        f" {min(ratios):.2f} to {max(ratios):.2f} times what the formula of"
+        f" {low if low == high else f'{low} to {high}'} times what the formula of"
         " [theory.md](theory.md#dispersion) predicts from the turbulence and the slope of excess"
         " updraft alone."
     )
