@@ -79,6 +79,7 @@ def _searched(*, dispersed: bool = False) -> Place:
 
 IN_TUNNEL, OVER_HILL = DISPERSED = ("dispersed, in the tunnel", "dispersed, over the hill")
 SEARCHING: Final = "dispersed, searching"  # in air that the search draws by itself
+STEPPING: Final = "a source that steps"  # twice at once, by less and by more than `EST_GATE`
 FURTHER: Final[dict[str, Callable[[], Place]]] = {
     IN_TUNNEL: partial(_unlike_its_file, "static"),
     OVER_HILL: partial(_unlike_its_file, "speed"),
@@ -96,12 +97,23 @@ FURTHER: Final[dict[str, Callable[[], Place]]] = {
         EVERY,
         ("position.freeze start=3 for=0.6", "position.noise start=6", "imu.dropout start=9 for=1"),
     ),
+    STEPPING: partial(
+        _changed,
+        "speed",
+        12.0,
+        {},
+        EVERY,
+        (
+            "position.bias start=4 for=4 north=0.3 east=0 down=0",
+            "position.bias start=4.3 for=4 north=0.8 east=0.3 down=0",
+        ),
+    ),
 }
 # By page and by the name in a section's marks: what its flights do beside soaring.
 SECTIONS: Final[dict[tuple[str, str], tuple[str, ...]]] = {
     ("point.md", "point"): ("a brake", *DISPERSED),
     ("outdoors.md", "outdoors"): ("home from the hill", "from the hand", OVER_HILL),
-    ("outdoors.md", "satellites"): ("home from the hill", OVER_HILL, "faults"),
+    ("outdoors.md", "satellites"): ("home from the hill", OVER_HILL, "faults", STEPPING),
     ("outdoors.md", "rangefinder"): (OVER_HILL, "faults"),
     ("outdoors.md", "hour"): ("home from the hill", OVER_HILL),
     ("outdoors.md", "beating"): ("home from the hill", "beating", OVER_HILL),
