@@ -157,6 +157,28 @@ def test_no_frame_has_moved_where_fixes_scatter_and_attitudes_go_wrong(
             assert state.shift == NO_SHIFT
 
 
+@pytest.mark.parametrize(
+    ("wild_m", "ticks", "tilted_deg"),
+    [(0.4, 40, 0.0), (0.45, 20, 15.0), (0.45, 10, 15.0)],
+)
+def test_no_frame_has_moved_where_a_wild_fix_led_the_estimate_away(
+    wild_m: float, ticks: int, tilted_deg: float
+) -> None:
+    """At 5 to 20 Hz it is taken in whole, and those that follow count little for seconds."""
+    wild = round((BEGINS_S + 1.0) / DT)
+
+    def once(k: int, noise: random.Random) -> Triple:
+        x, y, z = scatter(GAINS.fix_sd_m)(k, noise)
+        return (x + wild_m if k == wild else x), y, z
+
+    for seed in range(3):
+        for now, state, _, _ in flight(
+            once, seed, end_s=10.0, every=ticks, tilted_rad=radians(tilted_deg)
+        ):
+            if now > BEGINS_S:
+                assert state.shift == NO_SHIFT
+
+
 @pytest.mark.parametrize("wild_m", [0.024, 0.06, 0.3])
 def test_a_frame_moves_a_moment_after_a_fix_that_chance_made(wild_m: float) -> None:
     """One alone, and a glitch of which the next two tell as well."""

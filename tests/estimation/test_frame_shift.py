@@ -173,6 +173,26 @@ def test_long_after_dead_reckoning_a_reset_moves_the_frame_again() -> None:
     assert tuple(states[-1][1].shift) == pytest.approx(RESET, abs=1e-3)
 
 
+def test_a_reset_soon_after_a_silence_is_followed_there_and_back() -> None:
+    """The jump to the first fix after it does not say that what is believed leads away."""
+
+    def fixes(k: int) -> PositionFix | None:
+        now_s = k * DT
+        if 2.0 < now_s < 7.0:
+            return None
+        reset = RESET if 8.0 < now_s < 11.0 else (0.0, 0.0, 0.0)
+        return fix_at(k, moved(reset, now_s), SPEED)
+
+    shifted, jumps = set(), 0
+    for time_s, state, vehicle, quality in flight(fixes, until_s=12.0):
+        if time_s > 8.5:
+            shifted.add(round(state.shift.x_m, 1))
+            jumps += quality.jumped
+            assert off(vehicle, time_s) < 0.1
+    assert shifted == {5.0, 0.0}
+    assert jumps == 0
+
+
 def test_stretches_of_dead_reckoning_close_to_each_other_are_one() -> None:
     def flickering(k: int) -> PositionFix:
         return fix_at(k, place(k * DT), SPEED)._replace(

@@ -455,7 +455,7 @@ def test_an_outlier_is_beyond_gate_and_five_sigmas(
             assert found.outliers == NO_OUTLIERS
             continue
         assert found.outliers[:3] == (1, time_s, False)
-        assert found.outliers[3:] == pytest.approx(by)
+        assert found.outliers[3:6] == pytest.approx(by)
         # What was used last stays what it was, and the look at this one is remembered.
         assert found.fix == LastFix(
             sequence=2, time_s=LAST_S, source=4, sum=found.fix.sum, repeated=0
@@ -470,8 +470,10 @@ def test_an_outlier_of_another_source_leaves_the_first_one_in_use() -> None:
 
 def outliers(count: int, last_s: float, **changes: Any) -> Outliers:
     """So many of 2 m upstream of where the estimate is, without a gap before them."""
-    usual = Outliers(in_a_row=count, time_s=last_s, gap=False, x_m=2.0, y_m=0.0, z_m=0.0)
-    return usual._replace(**changes)
+    usual = NO_OUTLIERS._replace(in_a_row=count, time_s=last_s, x_m=2.0, y_m=0.0, z_m=0.0)
+    last = usual._replace(**changes)
+    first = {"first_x_m": last.x_m, "first_y_m": last.y_m, "first_z_m": last.z_m}
+    return last._replace(**({"first_s": last_s - 0.04} | first | changes))
 
 
 @pytest.mark.parametrize("axis", AXES)
@@ -487,7 +489,7 @@ def test_outliers_agree_within_the_gate_and_5_mps_since_the_last(
         found = take(state, off(state, 1.1 + wait_s, by))
         assert found.outliers.in_a_row == (3 if agrees else 1)
         assert found.outliers.time_s == 1.1 + wait_s
-        assert found.outliers[3:] == pytest.approx(by)
+        assert found.outliers[3:6] == pytest.approx(by)
 
 
 def test_an_outlier_that_comes_again_over_another_link_counts_once() -> None:
@@ -586,12 +588,41 @@ def test_where_the_aircraft_may_have_moved_the_estimate_begins_anew() -> None:
     assert fifth(by, outliers=gap).jump_s == 1.12
 
 
-def test_for_two_seconds_after_a_jump_no_frame_is_taken_for_moved() -> None:
-    """fifth: at 1.12 s."""
-    assert fifth(jump_s=1.12 - 2.02).shift.x_m == pytest.approx(2.0)
-    found = fifth(jump_s=1.12 - 1.98)
+def test_for_two_seconds_after_an_estimate_went_astray_no_frame_is_taken_for_moved() -> None:
+    """fifth: at 1.12 s.  A jump after silence, or of what is switched off, is none."""
+    assert fifth(astray_s=1.12 - 2.02, jump_s=1.1).shift.x_m == pytest.approx(2.0)
+    found = fifth(astray_s=1.12 - 1.98)
     assert found.shift == FrameShift(0.0, 0.0, 0.0)
-    assert found.jump_s == 1.12
+    assert (found.jump_s, found.astray_s) == (1.12, 1.12)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_of_what_noise_leaves_no_frame_is_moved_by_an_estimate_that_goes_away(axis: Triple) -> None:
+    """From the first outlier to the fifth by more than 0.3 m/s, and than two fixes scatter."""
+    by = np.array((2.0, 0.5, -0.5))
+    reach_m = 0.3 * 0.05 + 5.0 * sqrt(2.0) * 0.01
+    for counts_m2, factor, moved in (
+        (1.02 * 0.01**2, 0.98, True),
+        (1.02 * 0.01**2, 1.02, False),
+        (0.98 * 0.01**2, 1.02, True),  # fixes have held it
+    ):
+        x, y, z = by - np.array(times(axis, factor * reach_m))
+        first = {"first_s": 1.05, "first_x_m": x, "first_y_m": y, "first_z_m": z}
+        state = known(
+            outliers=outliers(4, 1.09, x_m=2.0, y_m=0.5, z_m=-0.5, **first),
+            noise=NOISE._replace(variance_m2=counts_m2, turns=0),
+        )
+        found = take(state, off(state, 1.1, by))
+        assert (found.shift.x_m > 1.0) == moved
+        assert isnan(found.jump_s) == isnan(found.astray_s) == moved
+
+
+def test_the_first_of_outliers_is_remembered_until_another_does_not_agree() -> None:
+    state = known(outliers=outliers(2, 1.09, first_x_m=1.9, first_y_m=0.1, first_z_m=-0.1))
+    found = take(state, off(state, 1.1, (2.0, 0.0, 0.0))).outliers
+    assert found[6:] == pytest.approx((1.05, 1.9, 0.1, -0.1))
+    found = take(state, off(state, 1.1, (0.1, 0.2, 5.0))).outliers
+    assert found[6:] == pytest.approx((1.1, 0.1, 0.2, 5.0))
 
 
 @pytest.mark.parametrize("axis", AXES)

@@ -190,6 +190,7 @@ def _forgotten(state: MotionState, now_s: float) -> MotionState:
         outliers=NO_OUTLIERS,
         reckoning=NO_RECKONING,
         jump_s=NAN,
+        astray_s=NAN,
     )
 
 
@@ -271,6 +272,7 @@ def _carried(
         reckoning=state.reckoning,
         rejected=rejected,
         jump_s=state.jump_s,
+        astray_s=state.astray_s,
     )
 
 

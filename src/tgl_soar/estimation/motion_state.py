@@ -134,6 +134,10 @@ class Outliers(NamedTuple):
     x_m: float  # its innovation
     y_m: float
     z_m: float
+    first_s: float  # of the first
+    first_x_m: float
+    first_y_m: float
+    first_z_m: float
 
 
 class MotionState(NamedTuple):
@@ -155,6 +159,7 @@ class MotionState(NamedTuple):
     reckoning: Reckoning
     rejected: int  # samples refused so far
     jump_s: float  # the tick in which the position last jumped; NaN: never
+    astray_s: float  # the last in which fixes said so of an estimate that had them; NaN: never
 
 
 NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)
@@ -172,7 +177,18 @@ NO_NOISE: Final = FixNoise(
     turns=0,
 )
 NO_RECKONING: Final = Reckoning(NAN, NAN, False)
-NO_OUTLIERS: Final = Outliers(in_a_row=0, time_s=NAN, gap=False, x_m=NAN, y_m=NAN, z_m=NAN)
+NO_OUTLIERS: Final = Outliers(
+    in_a_row=0,
+    time_s=NAN,
+    gap=False,
+    x_m=NAN,
+    y_m=NAN,
+    z_m=NAN,
+    first_s=NAN,
+    first_x_m=NAN,
+    first_y_m=NAN,
+    first_z_m=NAN,
+)
 
 
 def initial_motion() -> MotionState:
@@ -208,6 +224,7 @@ def initial_motion() -> MotionState:
         reckoning=NO_RECKONING,
         rejected=0,
         jump_s=NAN,
+        astray_s=NAN,
     )
 
 

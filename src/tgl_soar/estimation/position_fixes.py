@@ -29,9 +29,8 @@ more, and fades with each fix that follows as it should (NOISE_KEPT).  So noise 
 who has moved once, by no more than the gate, is followed within some fifty fixes.
 
 Where R_seen counts the velocities of that source count as much less, else they would lead alone;
-and what is so explained is no outlier.  Where more turns told of it than one fix can make, fixes do
-scatter, and no frame is taken for moved: a wrong attitude may have led away an estimate that they
-hold no more.  Fewer are a step, or chance.
+and what is so explained is no outlier.  Nor do fixes then hold the estimate: a frame is taken for
+moved only where no more turns told of it than a step or one wild fix makes, and outliers stand.
 
 No aircraft jumps.  Where outliers follow fixes at once, agree, and their velocities are the
 estimated one, it is the source that has moved: its filter was reset, or its origin set again.  What
@@ -109,11 +108,16 @@ NOISE_KEPT: Final = 0.8
 UNKNOWN_MPS2: Final = 60.0
 UNTOLD_MPS2: Final = 15.0
 NOISE_GATES: Final = 0.5  # so many EST_GATE at most is the noise that widens the gate
-# Turns that a single one makes: a step two, there and not on; a wild fix three, there, back, stay.
+# Turns that a single one makes at most: a step two, there and not on; a wild fix three, there,
+# back, stay.  At 5 Hz an acceleration explains some of them.
 SINGLE_TURNS: Final = 3
-# So long after an estimate was begun anew, for what was believed had led it away, no frame is taken
-# for moved: of what scatters not enough has been seen yet.
-BEGUN_S: Final = 2.0
+# Fixes that count as noise do not hold an estimate, so it may go away from them by itself, whereas
+# a source that has moved stands.  Of an estimate flown alone, from the first outlier to the fifth:
+# resets and steps 0 to 0.21 m/s, what a wild fix or a wrong attitude had led 0.56 to 6 m/s.
+STANDS_MPS: Final = 0.3
+# So long after an estimate was begun anew that fixes did not hold, no frame is taken for moved: of
+# what scatters not enough has been seen yet.
+ASTRAY_S: Final = 2.0
 # Of a sum that tells whether any of six numbers has changed: roots of prime numbers, of which no
 # whole multiples cancel.  Each by itself: mypyc 2.4.1 takes a tuple of nothing but floats for one
 # that was never set.
@@ -264,9 +268,9 @@ def _compared(
             )
         shift = FrameShift(shift.x_m + rx, shift.y_m + ry, shift.z_m + rz)
         velocity = track_vx + vx, track_vy + vy, track_climb + climb
-        is_seen = not outliers.gap and _is_held(state, now_s)
-        if not is_seen or not _is_reset(gains, covariance, measured, velocity, shift):
-            compared = state._replace(innovation=innovation, jump_s=now_s)
+        told = not outliers.gap and _stands(state, outliers, measured.variance_m2, now_s)
+        if not told or not _is_reset(gains, covariance, measured, velocity, shift):
+            compared = state._replace(innovation=innovation, jump_s=now_s, astray_s=now_s)
             return _start(gains, compared, latest, measured, place)
         rx, ry, rz = 0.0, 0.0, 0.0
     elif same_source and latest.repeated > 0:  # nothing new is known
@@ -375,10 +379,24 @@ def _velocity_gate(estimated_m2ps2: float, measured_m2ps2: float) -> float:
     return max(GATE_MPS, GATE_SIGMAS * sqrt(estimated_m2ps2 + measured_m2ps2))
 
 
-def _is_held(state: MotionState, now_s: float) -> bool:
-    """Whether fixes have held the estimate, so that it is not off by itself."""
-    begun = now_s - state.jump_s <= BEGUN_S  # false for NaN: never
-    return state.noise.turns <= SINGLE_TURNS and not begun
+def _stands(state: MotionState, outliers: Outliers, fix_m2: float, now_s: float) -> bool:
+    """Whether outliers stand off an estimate that does not go away by itself.
+
+    fix_m2: variance of a fix, on each axis.
+    """
+    if now_s - state.astray_s <= ASTRAY_S:  # false for NaN: never
+        return False
+    if state.noise.variance_m2 <= fix_m2:  # fixes have held it
+        return True
+    if state.noise.turns > SINGLE_TURNS:
+        return False
+    gone_m = _length(
+        outliers.x_m - outliers.first_x_m,
+        outliers.y_m - outliers.first_y_m,
+        outliers.z_m - outliers.first_z_m,
+    )
+    lasted_s = outliers.time_s - outliers.first_s
+    return gone_m <= STANDS_MPS * lasted_s + GATE_SIGMAS * sqrt(2.0 * fix_m2)
 
 
 def _is_reset(
@@ -467,7 +485,7 @@ def _outliers(
     gains: MotionGains, state: MotionState, innovation: Innovation, time_s: float
 ) -> Outliers:
     """The outliers that agree with each other, with one more."""
-    count, last_s, gap, x, y, z = state.outliers
+    count, last_s, gap, x, y, z, first_s, first_x, first_y, first_z = state.outliers
     if count > 0 and time_s <= last_s:  # again, over another link
         return state.outliers
     rx, ry, rz, _ = innovation
@@ -476,6 +494,7 @@ def _outliers(
     if not agrees:
         gap = state.fix.repeated >= REPEATED or not time_s - state.fix.time_s <= GAP_S
         gap = gap or time_s - state.reckoning.last_s <= RECKONED_KEPT_S  # false for NaN: none
+        first_s, first_x, first_y, first_z = time_s, rx, ry, rz
     return Outliers(
         in_a_row=count + 1 if agrees else 1,
         time_s=time_s,
@@ -483,6 +502,10 @@ def _outliers(
         x_m=rx,
         y_m=ry,
         z_m=rz,
+        first_s=first_s,
+        first_x_m=first_x,
+        first_y_m=first_y,
+        first_z_m=first_z,
     )
 
 
