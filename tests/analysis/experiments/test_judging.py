@@ -57,6 +57,7 @@ from tgl_soar.analysis.experiments.result import (
     missed_by_dispersion,
     plain,
     tables_of,
+    unasked_of_dispersed,
     within,
 )
 from tgl_soar.analysis.experiments.scenario import PlacedLine, load_scenario, prepare
@@ -191,6 +192,8 @@ def test_what_dispersion_changes_and_misses() -> None:
     assert [claim.text for claim in missed_by_dispersion(both)] == ["it may", "new"]
     kept = replace(here, also={DISPERSED_AIRCRAFT: result(replace(YES, text="new"))})
     assert missed_by_dispersion(kept) == []
+    assert unasked_of_dispersed(here) == unasked_of_dispersed(both) == []
+    assert [claim.text for claim in unasked_of_dispersed(kept)] == ["it does", "it does not"]
     assert changed_by_dispersion(replace(here, also={POINT_MASS: there})) == []
     assert list(by_model(both)) == ["rigid body", "rigid body, dispersed"]
 

@@ -203,11 +203,15 @@ def test_what_dispersion_changes_is_said_in_words() -> None:
     )
     assert "**Dispersion changes:** “it does” (✓ → ✗)." in text.splitlines()
     assert "| it does | ✓ 1 cm | ✗ 9 cm |" in text.splitlines()
+    assert "Not asked" not in text
     text = as_markdown(replace(result(NO), also={DISPERSED_AIRCRAFT: result(YES, NO)}), "")
     assert "Dispersion changes none of these." in text.splitlines()
     text = as_markdown(replace(result(YES), also={DISPERSED_AIRCRAFT: result(YES, NO)}), "")
     asked = f"**Dispersion changes:** “{NO.text}”, asked of dispersed flights alone (✗)."
     assert asked in text.splitlines()
+    text = as_markdown(replace(result(YES, NO), also={DISPERSED_AIRCRAFT: result(NO)}), "")
+    assert "Dispersion changes none of these." in text.splitlines()
+    assert "**Not asked of dispersed flights:** “it does” (✓)." in text.splitlines()
     assert "ispersion changes" not in as_markdown(on_both(result(NO)), "")
 
 

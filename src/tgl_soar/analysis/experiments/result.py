@@ -177,6 +177,15 @@ def missed_by_dispersion(result: Result) -> list[Claim]:
     return [each for each in dispersed.judged if each.text not in here and not each.holds]
 
 
+def unasked_of_dispersed(result: Result) -> list[Claim]:
+    """Claims that are made of the aircraft of the airframe file alone."""
+    dispersed = result.also.get(DISPERSED_AIRCRAFT)
+    if dispersed is None:
+        return []
+    there = {claim.text for claim in dispersed.claims}
+    return [each for each in result.judged if each.text not in there]
+
+
 def tables_of(result: Result) -> tuple[Table, ...]:
     """The tables; where several models flew, each row begins with its model, or, where what was
     measured is in title or columns, each model's table stands by itself.
@@ -312,9 +321,12 @@ def _dispersed(result: Result) -> list[str]:
         f"“{claim.text}”, asked of dispersed flights alone ({_sign(claim)})"
         for claim in missed_by_dispersion(result)
     ]
-    if not words:
-        return ["", "Dispersion changes none of these."]
-    return ["", f"**Dispersion changes:** {'; '.join(words)}."]
+    changes = f"**Dispersion changes:** {'; '.join(words)}."
+    lines = ["", changes if words else "Dispersion changes none of these."]
+    unasked = [f"“{claim.text}” ({_sign(claim)})" for claim in unasked_of_dispersed(result)]
+    if unasked:
+        lines += ["", f"**Not asked of dispersed flights:** {'; '.join(unasked)}."]
+    return lines
 
 
 def _sign(claim: Claim) -> str:

@@ -92,13 +92,15 @@ def test_places_are_compared_one_by_one_and_e_rho_where_all_last() -> None:
     assert lasting.holds
     assert nearer.holds
     assert not row_claims(ROW, scores((6, 6), 0.0101))[1].holds
-    (lasting,) = row_claims(ROW, scores((6, 5), 0.001))
+    lasting, nearer = row_claims(ROW, scores((6, 5), 0.001))
+    assert (nearer.holds, nearer.undecided, nearer.measured) == (False, True, "1 and 0 lost")
     assert not lasting.holds
 
 
 def test_pilots_who_both_lose_every_flight_have_shown_nothing() -> None:
     none = score_unseen({"a": of(0, 6, 0.01), "b": of(0, 6, 0.01)})
-    (lasting,) = row_claims(ROW, {(ROW.name, WITH): none, (ROW.name, PLAIN): none})
+    lasting, nearer = row_claims(ROW, {(ROW.name, WITH): none, (ROW.name, PLAIN): none})
+    assert (nearer.holds, nearer.undecided) == (False, True)
     assert not lasting.holds
     assert lasting.measured == "0 / 0 and 0 / 0, of 6"
     one = score_unseen({"a": of(1, 6, 0.01), "b": of(0, 6, 0.01)})

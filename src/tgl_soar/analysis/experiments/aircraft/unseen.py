@@ -278,28 +278,24 @@ def cells(score: UnseenScore) -> tuple[str, str, str]:
     return up, f"{100 * score.rms_e_rho_m:.2f}", f"{100 * score.rms_y_m:.0f}"
 
 
-def row_claims(row: UnseenRow, scores: dict[tuple[str, str], UnseenScore]) -> tuple[Claim, ...]:
+def row_claims(row: UnseenRow, scores: dict[tuple[str, str], UnseenScore]) -> tuple[Claim, Claim]:
     """As many last with accelerometers as with the plain PID at each place, and some do; nearer to
-    the line."""
+    the line, which is undecided where any is lost: who is lost was farther away than the others."""
     inertial, plain = scores[row.name, WITH], scores[row.name, PLAIN]
-    claims = [
-        Claim(
-            f"{row.name}: with accelerometers as many last at each place as with the plain PID",
-            # Where both lose every flight neither has shown anything.
-            inertial.lasted > 0
-            and all(inertial.up[place] >= plain.up[place] for place in row.places),
-            f"{cells(inertial)[0]} and {cells(plain)[0]}, of {plain.flights}",
-        )
-    ]
+    lasted = Claim(
+        f"{row.name}: with accelerometers as many last at each place as with the plain PID",
+        # Where both lose every flight neither has shown anything.
+        inertial.lasted > 0 and all(inertial.up[place] >= plain.up[place] for place in row.places),
+        f"{cells(inertial)[0]} and {cells(plain)[0]}, of {plain.flights}",
+    )
     everyone = plain.flights * len(row.places)
-    if inertial.lasted == plain.lasted == everyone:
-        ratio = inertial.rms_e_rho_m / plain.rms_e_rho_m
-        claims.append(
-            Claim(
-                f"{row.name}: e_rho at most {E_RHO_OF_PLAIN:g} of the plain PID's",
-                ratio <= E_RHO_OF_PLAIN,
-                f"{100 * inertial.rms_e_rho_m:.2f} and {100 * plain.rms_e_rho_m:.2f} cm:"
-                f" {ratio:.2f}",
-            )
-        )
-    return tuple(claims)
+    all_up = inertial.lasted == plain.lasted == everyone
+    ratio = inertial.rms_e_rho_m / plain.rms_e_rho_m
+    measured = f"{100 * inertial.rms_e_rho_m:.2f} and {100 * plain.rms_e_rho_m:.2f} cm: {ratio:.2f}"
+    nearer = Claim(
+        f"{row.name}: e_rho at most {E_RHO_OF_PLAIN:g} of the plain PID's",
+        all_up and ratio <= E_RHO_OF_PLAIN,
+        measured if all_up else f"{everyone - inertial.lasted} and {everyone - plain.lasted} lost",
+        undecided=not all_up,
+    )
+    return lasted, nearer
