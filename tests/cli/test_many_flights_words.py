@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
@@ -80,6 +81,31 @@ def test_a_pace_that_is_not_known_is_not_told(capsys: Out) -> None:
     now[0] = 59.9
     lines.show(2, 10, 0.5, 16.0)
     assert capsys.readouterr().err == "another: 1 of 10 flights\n"
+    lines.say()
+    now[0] = 60.1
+    lines.say()
+    assert capsys.readouterr().err == "another: 2 of 10 flights, 0.5 a second, 16 s left\n"
+
+
+def test_who_waits_for_a_first_flight_is_told_why(
+    monkeypatch: pytest.MonkeyPatch, capsys: Out
+) -> None:
+    monkeypatch.setattr(batch_options, "LINE_S", 0.01)
+    with flight_bar("rare"):
+        time.sleep(0.2)
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) > 2
+    assert set(told) == {
+        "rare: no flight yet: the first one of a version is compiled, which takes minutes"
+    }
+    with flight_bar("rare") as shown:
+        shown.show(1, 10, 0.5, 16.0)
+        time.sleep(0.2)
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "rare: 1 of 10 flights, 0.5 a second, 16 s left"
+    )
+    time.sleep(0.1)
+    assert capsys.readouterr().err == ""
 
 
 def test_a_terminal_has_a_bar_and_a_pipe_has_lines(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
+from threading import Event, Thread
 from typing import Annotated, Any, Final
 
 import typer
@@ -111,11 +112,13 @@ class FlightBar:
 
 
 class FlightLines:
-    """The same for a file or a pipe: a line every `LINE_S`, and none of what is done sooner."""
+    """The same for a file or a pipe: a line every `LINE_S`, and none of what is done sooner; also
+    while no flight ends."""
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._title, self._clock = title, clock
         self._last_s = clock()
+        self._shown = "no flight yet: the first one of a version is compiled, which takes minutes"
 
     def title(self, text: str) -> None:
         """What is flown."""
@@ -123,12 +126,21 @@ class FlightLines:
 
     def show(self, flown: int, of: int, per_s: float, left_s: float) -> None:
         """As `FlightBar`."""
+        pace = pace_words(per_s, left_s)
+        self._shown = f"{flown} of {of} flights" + (f", {pace}" if pace else "")
+        self.say()
+
+    def say(self) -> None:
+        """How far it was; nothing where that was said a moment ago."""
+        if self._is_due():
+            hint(f"{self._title}: {self._shown}")
+
+    def _is_due(self) -> bool:
         now_s = self._clock()
         if now_s - self._last_s < LINE_S:
-            return
+            return False
         self._last_s = now_s
-        pace = pace_words(per_s, left_s)
-        hint(f"{self._title}: {flown} of {of} flights" + (f", {pace}" if pace else ""))
+        return True
 
 
 def pace_words(per_s: float, left_s: float) -> str:
@@ -140,7 +152,19 @@ def pace_words(per_s: float, left_s: float) -> str:
 def flight_bar(title: str) -> Iterator[FlightBar | FlightLines]:
     """A bar on the terminal while flights are flown; lines where there is none."""
     if not errors.is_terminal:
-        yield FlightLines(title)
+        lines, done = FlightLines(title), Event()
+
+        def go_on() -> None:
+            while not done.wait(LINE_S):
+                lines.say()
+
+        beside = Thread(target=go_on, daemon=True)
+        beside.start()
+        try:
+            yield lines
+        finally:
+            done.set()
+            beside.join()
         return
     with Progress(
         TextColumn("{task.description}"),

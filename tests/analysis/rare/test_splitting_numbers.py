@@ -160,6 +160,7 @@ def test_the_interval_is_students_on_a_logarithmic_scale() -> None:
     assert found.probability == pytest.approx(0.03)
     assert (found.low, found.high) == pytest.approx((0.03 / factor, 0.03 * factor))
     assert found.trajectories == 60
+    assert estimated([ladder(1), ladder(20)]).high == 1.0  # nothing is likelier
 
 
 def test_without_a_loss_it_is_below_what_three_more_would_have_made_of_it() -> None:

@@ -149,6 +149,12 @@ def test_who_does_not_answer_is_named_with_what_to_do(
         DaskCluster(ADDRESS)
 
 
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "http://there:8786", "tcp://there"])
+def test_an_address_that_is_none_is_told_at_once(address: str) -> None:
+    with pytest.raises(ClusterError, match=f"{address}: a scheduler is tcp://HOST:PORT"):
+        DaskCluster(address)
+
+
 def test_without_dask_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert MISSING == "--scheduler needs dask: pip install 'tgl_soar[cluster]'"

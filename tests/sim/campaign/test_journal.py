@@ -165,6 +165,29 @@ with Journal(path, "d", 10, CheapResult) as kept:
 """
 
 
+FULL_AT_ONCE = """
+import resource, signal, sys
+from pathlib import Path
+from cheap_flights import CheapResult
+from tgl_soar.sim.campaign.journal import Journal, JournalError
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+try:
+    Journal(Path(sys.argv[1]), "d", 10, CheapResult)
+except JournalError as error:
+    print(error)
+"""
+
+
+def test_a_disk_that_is_full_at_the_start_is_named_and_leaves_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "flights"
+    words = [sys.executable, "-c", FULL_AT_ONCE, str(path)]
+    here = str(Path(__file__).parent)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True, cwd=here)
+    assert f"{path}: cannot be written: File too large; nothing has been flown" in done.stdout
+    assert not path.exists()
+
+
 def test_a_disk_that_fills_leaves_what_was_there(tmp_path: Path) -> None:
     """A file that may not grow, the half of a record written: as a full disk has it."""
     path = tmp_path / "flights"

@@ -197,7 +197,7 @@ def estimated(ladders: Sequence[Ladder]) -> RareEstimate:
         return RareEstimate(0.0, 0.0, _never(ladders), trajectories)
     error = float(found.std(ddof=1)) / sqrt(len(found)) / mean
     factor = exp(float(t.ppf(0.975, len(found) - 1)) * error)
-    return RareEstimate(mean, mean / factor, mean * factor, trajectories)
+    return RareEstimate(mean, mean / factor, min(1.0, mean * factor), trajectories)
 
 
 def pooled_causes(ladders: Sequence[Ladder]) -> list[Cause]:

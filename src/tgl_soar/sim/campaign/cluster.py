@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ctypes
 import queue
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -32,6 +33,7 @@ M_TRIM_THRESHOLD: Final = -1
 M_MMAP_THRESHOLD: Final = -3
 KEPT_BYTES: Final = 1 << 28  # of what has been released, before the system has it back
 LARGE_BYTES: Final = 1 << 25  # the most that glibc itself would come to
+ADDRESS: Final = re.compile(r"(tcp|tls)://[^/]+:\d{1,5}")
 MISSING: Final = "--scheduler needs dask: pip install 'tgl_soar[cluster]'"
 
 
@@ -47,6 +49,11 @@ class DaskCluster:
     def __init__(self, scheduler: str, *, patience_s: float = PATIENCE_S) -> None:
         """scheduler: tcp://host:port.  Errors: ImportError without dask; `ClusterError` where
         nobody answers or no worker is there."""
+        if not ADDRESS.fullmatch(scheduler):
+            raise ClusterError(
+                f"{scheduler}: a scheduler is tcp://HOST:PORT, or tls://HOST:PORT; nothing has been"
+                " flown"
+            )
         self._scheduler = scheduler
         self._patience_s = patience_s
         client = self._client(ANSWER_S, "nothing has been flown; start one with `dask scheduler`")

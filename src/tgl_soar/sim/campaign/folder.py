@@ -157,7 +157,10 @@ class CampaignFolder(Generic[Job, Flown]):
             try:
                 write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
             except OSError as error:
-                raise JournalError(f"{self.path / ROWS}: cannot be written: {error}") from None
+                raise JournalError(
+                    f"{self.path / ROWS}: cannot be written: {error}; all {len(jobs)} flights are"
+                    " kept: make room, then go on with --resume"
+                ) from None
         return written
 
     def conclude(self, *, keep: bool = False) -> None:

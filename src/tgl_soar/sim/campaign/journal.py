@@ -192,9 +192,14 @@ class Journal:
         head = MAGIC + f"{self._digest} {self.count}\n".encode()
         found = file.read(len(head))
         if len(found) < len(head) and head.startswith(found):
-            file.truncate(0)
-            self._end = 0
-            file.write(head)
+            try:
+                file.truncate(0)
+                file.write(head)
+            except OSError as error:
+                self.path.unlink()  # no flight is in it
+                raise JournalError(
+                    f"{self.path}: cannot be written: {error.strerror}; nothing has been flown"
+                ) from None
             return len(head)
         if found != head:
             raise JournalError(
