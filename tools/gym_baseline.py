@@ -4,7 +4,8 @@ For each way to command, a linear policy a = tanh(W o + b) is sought by CMA-ES, 
 less its mean, over its standard deviation, both of flights by our law.  Every generation flies its
 candidates on the same few new flights.  What is found, the mean of the last generation, is flown on
 flights that it has never seen, and so are our law (the line through the place, never moved) and
-what it began as.
+what it began as: by the aircraft and in the air that it was sought in, and by aircraft unlike their
+file in air unlike the site's, of which neither it nor our law is told.
 
     python tools/gym_baseline.py --docs docs
 """
@@ -45,18 +46,25 @@ class Flown(NamedTuple):
     ended: str  # "" for one that came to its end
 
 
-class Figure(NamedTuple):
+class Reached(NamedTuple):
     """What a policy reaches on flights that it has not seen."""
 
-    action: str
-    policy: str
-    parameters: int
     flights: int
     gain: float
     error: float  # of it: its standard error
     there: float  # share that ends near the place
     lost: float  # share that ends early
     causes: dict[str, int]
+
+
+class Figure(NamedTuple):
+    """The same by both."""
+
+    action: str
+    policy: str
+    parameters: int
+    own: Reached  # as it was sought
+    unlike: Reached  # dispersed
 
 
 def fly(env: SoaringEnv, policy: Policy, seed: int) -> Flown:
@@ -122,18 +130,13 @@ def train(
     return np.asarray(strategy.result.xfavorite), curve
 
 
-def figure(
-    env: SoaringEnv, name: str, parameters: int, policy: Policy, seeds: Sequence[int]
-) -> Figure:
+def reached(env: SoaringEnv, policy: Policy, seeds: Sequence[int]) -> Reached:
     """Of flights that it has never seen."""
     flown = [fly(env, policy, seed) for seed in seeds]
     gains = np.array([each.gain for each in flown])
     causes = Counter(each.ended for each in flown if each.ended)
     near = sum(not each.ended and each.away_m < NEAR_M for each in flown)
-    return Figure(
-        action=env.action,
-        policy=name,
-        parameters=parameters,
+    return Reached(
         flights=len(flown),
         gain=float(gains.mean()),
         error=float(gains.std(ddof=1)) / sqrt(len(flown)),
@@ -143,20 +146,32 @@ def figure(
     )
 
 
+def figure(
+    envs: Sequence[SoaringEnv], name: str, parameters: int, policy: Policy, seeds: Sequence[int]
+) -> Figure:
+    """By the aircraft that it was sought with, and by others."""
+    own, unlike = (reached(env, policy, seeds) for env in envs)
+    return Figure(envs[0].action, name, parameters, own, unlike)
+
+
 def table(figures: Sequence[Figure], seconds: float) -> str:
     """For docs/gym.md."""
-    lines = [
-        f"| commands | policy | numbers sought | reward of {seconds:g} | at the place | ended early"
-        " | by |",
-        "|---|---|--:|--:|--:|--:|---|",
+    columns = ("at the place", "ended early", "by")
+    head = ("commands", "policy", "numbers sought", f"reward of {seconds:g}", *columns)
+    rows = [(*head, "reward, unlike the file", *columns), ("---", "---", *["--:"] * 4, "---")]
+    rows[1] += ("--:", "--:", "--:", "---")
+    rows += [
+        (f.action, f.policy, str(f.parameters or "·"), *cells(f.own), *cells(f.unlike))
+        for f in figures
     ]
-    for f in figures:
-        by = ", ".join(f"{cause} ({count})" for cause, count in list(f.causes.items())[:3])
-        lines.append(
-            f"| {f.action} | {f.policy} | {f.parameters or '·'} | {f.gain:.2f} ± {f.error:.2f}"
-            f" | {100 * f.there:.0f} % | {100 * f.lost:.1f} % | {by} |"
-        )
-    return "\n".join(lines) + "\n"
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def cells(found: Reached) -> tuple[str, str, str, str]:
+    """Of a table."""
+    by = ", ".join(f"{cause} ({count})" for cause, count in list(found.causes.items())[:3])
+    gain = f"{found.gain:.2f} ± {found.error:.2f}"
+    return gain, f"{100 * found.there:.0f} %", f"{100 * found.lost:.1f} %", by
 
 
 def draw(path: Path, curves: dict[str, list[float]], ours: float) -> None:
@@ -205,8 +220,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     curves: dict[str, list[float]] = {}
     weights: dict[str, list[float]] = {}
     for action in args.actions:
-        env = SoaringEnv(
-            action, seconds=args.seconds, turbulence=args.turbulence, compile=not args.plain
+        envs = tuple(
+            SoaringEnv(
+                action,
+                seconds=args.seconds,
+                turbulence=args.turbulence,
+                dispersion=dispersion,
+                compile=not args.plain,
+            )
+            for dispersion in (False, True)
         )
         size = SIZES[action]
         count = size * (len(OBSERVATION) + 1)
@@ -215,16 +237,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
             return linear(np.asarray(point), size, mean, spread)
 
         start = OURS if action == "line" else "a = 0"
-        figures.append(figure(env, start, 0, made(np.zeros(count)), seeds))
-        found, curves[action] = train(env, made, count, args)
+        figures.append(figure(envs, start, 0, made(np.zeros(count)), seeds))
+        found, curves[action] = train(envs[0], made, count, args)
         weights[action] = found.tolist()
-        figures.append(figure(env, "linear, CMA-ES", count, made(found), seeds))
+        figures.append(figure(envs, "linear, CMA-ES", count, made(found), seeds))
         print(table(figures[-2:], args.seconds), flush=True)
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "baseline.json").write_text(
         json.dumps(
             {
-                "figures": [f._asdict() for f in figures],
+                "figures": [
+                    f._asdict() | {"own": f.own._asdict(), "unlike": f.unlike._asdict()}
+                    for f in figures
+                ],
                 "curves": curves,
                 "weights": weights,
                 "mean": mean.tolist(),
@@ -245,7 +270,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except ValueError as error:
             raise SystemExit(f"{page}: {error}") from None
         page.write_text(text, encoding="utf-8")
-        ours = next((f.gain for f in figures if f.policy == OURS), float("nan"))
+        ours = next((f.own.gain for f in figures if f.policy == OURS), float("nan"))
         draw(args.docs / "images" / "gym.png", curves, ours)
 
 

@@ -41,7 +41,8 @@ def test_it_trains_tests_and_writes_the_page(tmp_path: Path) -> None:
     )
     found = json.loads((tmp_path / "baseline.json").read_text())
     assert [f["policy"] for f in found["figures"]] == [gym_baseline.OURS, "linear, CMA-ES"]
-    assert all(f["flights"] == 2 for f in found["figures"])
+    assert all(f[who]["flights"] == 2 for f in found["figures"] for who in ("own", "unlike"))
+    assert all(f["own"]["gain"] != f["unlike"]["gain"] for f in found["figures"])
     assert len(found["curves"]["line"]) == 1
     text = page.read_text()
     assert text.startswith("before\n")
@@ -61,10 +62,14 @@ def test_a_linear_policy_is_its_matrix() -> None:
 
 
 def test_what_ends_early_is_counted_with_its_cause() -> None:
-    figure = gym_baseline.Figure(
-        action="pitch", policy="p", parameters=3, flights=4, gain=1.0, error=0.1, there=0.5,
-        lost=0.25, causes={"hit the board": 1},
-    )  # fmt: skip
-    assert "| pitch | p | 3 | 1.00 ± 0.10 | 50 % | 25.0 % | hit the board (1) |" in (
-        gym_baseline.table([figure], 30.0)
+    own = gym_baseline.Reached(
+        flights=4, gain=1.0, error=0.1, there=0.5, lost=0.25, causes={"hit the board": 1}
+    )
+    unlike = own._replace(gain=0.5, there=0.25, lost=0.5, causes={"outside the fence": 2})
+    figure = gym_baseline.Figure("pitch", "p", 3, own, unlike)
+    head, _, row = gym_baseline.table([figure], 30.0).splitlines()
+    assert head.count("|") == row.count("|") == 12
+    assert row == (
+        "| pitch | p | 3 | 1.00 ± 0.10 | 50 % | 25.0 % | hit the board (1)"
+        " | 0.50 ± 0.10 | 25 % | 50.0 % | outside the fence (2) |"
     )
