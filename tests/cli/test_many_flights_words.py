@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 import time
 from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 import typer
@@ -28,6 +31,7 @@ from tgl_soar.analysis.experiments.result import Claim, Result
 from tgl_soar.cli import batch_options, campaign, experiment
 from tgl_soar.cli.app import app
 from tgl_soar.cli.batch_options import (
+    COMPILES,
     FlightBar,
     FlightLines,
     duration,
@@ -38,7 +42,9 @@ from tgl_soar.cli.batch_options import (
     to_resume,
 )
 from tgl_soar.cli.console import AIRFRAME, SITE, FlightModel
+from tgl_soar.sim.campaign.executors import InLine
 from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST
+from tgl_soar.sim.campaign.run import fly_all
 
 Out = pytest.CaptureFixture[str]
 
@@ -81,31 +87,52 @@ def test_a_pace_that_is_not_known_is_not_told(capsys: Out) -> None:
     now[0] = 59.9
     lines.show(2, 10, 0.5, 16.0)
     assert capsys.readouterr().err == "another: 1 of 10 flights\n"
-    lines.say()
+    assert lines.still() == ""  # a moment ago
     now[0] = 60.1
-    lines.say()
-    assert capsys.readouterr().err == "another: 2 of 10 flights, 0.5 a second, 16 s left\n"
+    assert lines.still() == "another: 2 of 10 flights"  # no pace: it may be an hour's
+    lines.title("a third")
+    now[0] = 90.2
+    assert lines.still() == "a third: no flight yet"
+    lines.show(0, 10, 0.0, float("inf"))
+    now[0] = 120.3
+    assert lines.still() == f"a third: 0 of 10 flights; {COMPILES}"
+
+
+class Slow(NamedTuple):
+    """A flight that takes as long as compiling one."""
+
+    seconds: float
+
+
+def take_long(job: Slow) -> float:
+    time.sleep(job.seconds)
+    return job.seconds
 
 
 def test_who_waits_for_a_first_flight_is_told_why(
     monkeypatch: pytest.MonkeyPatch, capsys: Out
 ) -> None:
-    monkeypatch.setattr(batch_options, "LINE_S", 0.01)
-    with flight_bar("rare"):
-        time.sleep(0.2)
+    monkeypatch.setattr(batch_options, "LINE_S", 0.02)
+    with flight_bar("rare") as bar:
+        fly_all(take_long, [Slow(0.3)], InLine(), on_progress=lambda shown: bar.show(*shown))
     told = capsys.readouterr().err.splitlines()
-    assert len(told) > 2
-    assert set(told) == {
-        "rare: no flight yet: the first one of a version is compiled, which takes minutes"
-    }
-    with flight_bar("rare") as shown:
-        shown.show(1, 10, 0.5, 16.0)
-        time.sleep(0.2)
-    assert capsys.readouterr().err.splitlines()[-1] == (
-        "rare: 1 of 10 flights, 0.5 a second, 16 s left"
-    )
+    assert told.count(f"rare: 0 of 1 flights; {COMPILES}") > 2
     time.sleep(0.1)
     assert capsys.readouterr().err == ""
+
+
+def test_a_pipe_that_nobody_reads_takes_no_other_output_with_it() -> None:
+    program = (
+        "import time; from tgl_soar.cli import batch_options as b; b.LINE_S = 0.02\n"
+        "with b.flight_bar('rare'): time.sleep(0.3)\n"
+        "print('done')"
+    )
+    read, write = os.pipe()
+    os.close(read)
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, stdout=subprocess.PIPE, stderr=write, timeout=60, check=True)
+    os.close(write)
+    assert done.stdout == b"done\n"
 
 
 def test_a_terminal_has_a_bar_and_a_pipe_has_lines(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
 from threading import Event, Thread
@@ -24,6 +25,7 @@ from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, CampaignFolder
 
+COMPILES: Final = "the first one of a version is compiled, which takes minutes"
 LINE_S: Final = 30.0  # between two lines of progress: nobody waits longer without a sign of life
 ALL: Final = os.cpu_count() or 1
 Workers = Annotated[int, typer.Option(help="Processes that fly; 0: only this one.", min=0, max=256)]
@@ -112,28 +114,33 @@ class FlightBar:
 
 
 class FlightLines:
-    """The same for a file or a pipe: a line every `LINE_S`, and none of what is done sooner; also
-    while no flight ends."""
+    """The same for a file or a pipe: a line every `LINE_S`, and none of what is done sooner."""
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._title, self._clock = title, clock
         self._last_s = clock()
-        self._shown = "no flight yet: the first one of a version is compiled, which takes minutes"
+        self._flown, self._of = 0, 0
 
     def title(self, text: str) -> None:
         """What is flown."""
         self._title = text
+        self._flown, self._of = 0, 0
 
     def show(self, flown: int, of: int, per_s: float, left_s: float) -> None:
         """As `FlightBar`."""
+        self._flown, self._of = flown, of
         pace = pace_words(per_s, left_s)
-        self._shown = f"{flown} of {of} flights" + (f", {pace}" if pace else "")
-        self.say()
-
-    def say(self) -> None:
-        """How far it was; nothing where that was said a moment ago."""
         if self._is_due():
-            hint(f"{self._title}: {self._shown}")
+            hint(f"{self._title}: {flown} of {of} flights" + (f", {pace}" if pace else ""))
+
+    def still(self) -> str:
+        """A line while nothing new is shown; "" where there was one a moment ago."""
+        if not self._is_due():
+            return ""
+        if not self._of:
+            return f"{self._title}: no flight yet"
+        shown = f"{self._title}: {self._flown} of {self._of} flights"
+        return shown if self._flown else f"{shown}; {COMPILES}"
 
     def _is_due(self) -> bool:
         now_s = self._clock()
@@ -141,6 +148,31 @@ class FlightLines:
             return False
         self._last_s = now_s
         return True
+
+
+@contextmanager
+def going_on(lines: FlightLines) -> Iterator[None]:
+    """Lines also while no flight ends.
+
+    They are written as they are: of a pipe that nobody reads any more rich would end the thread
+    that it prints in, and take the other output with it.
+    """
+    done = Event()
+
+    def go_on() -> None:
+        while not done.wait(LINE_S):
+            line = lines.still()
+            with suppress(OSError, ValueError):
+                if line:
+                    print(line, file=sys.stderr, flush=True)
+
+    beside = Thread(target=go_on, daemon=True)
+    beside.start()
+    try:
+        yield
+    finally:
+        done.set()
+        beside.join()
 
 
 def pace_words(per_s: float, left_s: float) -> str:
@@ -152,19 +184,9 @@ def pace_words(per_s: float, left_s: float) -> str:
 def flight_bar(title: str) -> Iterator[FlightBar | FlightLines]:
     """A bar on the terminal while flights are flown; lines where there is none."""
     if not errors.is_terminal:
-        lines, done = FlightLines(title), Event()
-
-        def go_on() -> None:
-            while not done.wait(LINE_S):
-                lines.say()
-
-        beside = Thread(target=go_on, daemon=True)
-        beside.start()
-        try:
+        lines = FlightLines(title)
+        with going_on(lines):
             yield lines
-        finally:
-            done.set()
-            beside.join()
         return
     with Progress(
         TextColumn("{task.description}"),

@@ -122,7 +122,7 @@ class FixNoise(NamedTuple):
     step_z_m: float
     step_m2: float  # variance of the estimate in that step, on each axis
     step_s: float  # how long it took
-    turns: int  # so many told of it, while it counts
+    turns: int  # of fixes that told of this noise; 0 once it counts no more
 
 
 class Outliers(NamedTuple):
@@ -159,7 +159,7 @@ class MotionState(NamedTuple):
     reckoning: Reckoning
     rejected: int  # samples refused so far
     jump_s: float  # the tick in which the position last jumped; NaN: never
-    astray_s: float  # the last in which fixes said so of an estimate that had them; NaN: never
+    astray_s: float  # the tick in which outliers last began the estimate anew; NaN: never
 
 
 NO_OFFSET: Final = Offset(0.0, 0.0, 0.0)

@@ -13,7 +13,7 @@ import pytest
 from cheap_flights import CheapJob, cheap_jobs, fly_cheaply
 
 from tgl_soar.sim.campaign import cluster
-from tgl_soar.sim.campaign.cluster import MISSING, ClusterError, DaskCluster
+from tgl_soar.sim.campaign.cluster import MISSING, SCHEDULER, ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import WorkerLost
 from tgl_soar.sim.campaign.flight_list import Shard
 from tgl_soar.sim.campaign.provenance import libraries, source_digest
@@ -153,6 +153,13 @@ def test_who_does_not_answer_is_named_with_what_to_do(
 def test_an_address_that_is_none_is_told_at_once(address: str) -> None:
     with pytest.raises(ClusterError, match=f"{address}: a scheduler is tcp://HOST:PORT"):
         DaskCluster(address)
+
+
+@pytest.mark.parametrize(
+    "address", ["127.0.0.1:8786", "tcp://[::1]:8786", "tls://there:8786", "wss://there:443/"]
+)
+def test_what_dask_takes_is_an_address(address: str) -> None:
+    assert SCHEDULER.fullmatch(address)
 
 
 def test_without_dask_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -171,7 +171,7 @@ from pathlib import Path
 from cheap_flights import CheapResult
 from tgl_soar.sim.campaign.journal import Journal, JournalError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 try:
     Journal(Path(sys.argv[1]), "d", 10, CheapResult)
 except JournalError as error:
@@ -179,9 +179,12 @@ except JournalError as error:
 """
 
 
-def test_a_disk_that_is_full_at_the_start_is_named_and_leaves_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("bytes_left", [0, 10])
+def test_a_disk_that_is_full_at_the_start_is_named_and_leaves_nothing(
+    tmp_path: Path, bytes_left: int
+) -> None:
     path = tmp_path / "flights"
-    words = [sys.executable, "-c", FULL_AT_ONCE, str(path)]
+    words = [sys.executable, "-c", FULL_AT_ONCE, str(path), str(bytes_left)]
     here = str(Path(__file__).parent)
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=True, cwd=here)
     assert f"{path}: cannot be written: File too large; nothing has been flown" in done.stdout

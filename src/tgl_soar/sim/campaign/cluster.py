@@ -33,7 +33,7 @@ M_TRIM_THRESHOLD: Final = -1
 M_MMAP_THRESHOLD: Final = -3
 KEPT_BYTES: Final = 1 << 28  # of what has been released, before the system has it back
 LARGE_BYTES: Final = 1 << 25  # the most that glibc itself would come to
-ADDRESS: Final = re.compile(r"(tcp|tls)://[^/]+:\d{1,5}")
+SCHEDULER: Final = re.compile(r"((tcp|tls|ucx|wss?)://)?[^/\s]+:\d{1,5}/?")
 MISSING: Final = "--scheduler needs dask: pip install 'tgl_soar[cluster]'"
 
 
@@ -49,7 +49,7 @@ class DaskCluster:
     def __init__(self, scheduler: str, *, patience_s: float = PATIENCE_S) -> None:
         """scheduler: tcp://host:port.  Errors: ImportError without dask; `ClusterError` where
         nobody answers or no worker is there."""
-        if not ADDRESS.fullmatch(scheduler):
+        if not SCHEDULER.fullmatch(scheduler):
             raise ClusterError(
                 f"{scheduler}: a scheduler is tcp://HOST:PORT, or tls://HOST:PORT; nothing has been"
                 " flown"

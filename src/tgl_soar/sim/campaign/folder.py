@@ -159,7 +159,7 @@ class CampaignFolder(Generic[Job, Flown]):
             except OSError as error:
                 raise JournalError(
                     f"{self.path / ROWS}: cannot be written: {error}; all {len(jobs)} flights are"
-                    " kept: make room, then go on with --resume"
+                    " kept: mend that, then go on with --resume"
                 ) from None
         return written
 

@@ -13,6 +13,7 @@ import fcntl
 import os
 import struct
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Final, NamedTuple, Protocol
@@ -113,7 +114,7 @@ class Journal:
         try:
             self._end = self._begun()
             self._file.truncate(self._end)
-        except JournalError:
+        except BaseException:
             self._file.close()
             raise
 
@@ -173,16 +174,20 @@ class Journal:
     def _append(self, first: int, count: int, data: bytes) -> None:
         record = _HEAD.pack(first, count, len(data), _sum(first, count, data)) + data
         try:
-            written = 0
-            while written < len(record):
-                written += os.write(self._file.fileno(), record[written:])
-            os.fsync(self._file.fileno())
+            self._write(record)
         except OSError as error:
             os.ftruncate(self._file.fileno(), self._end)
             raise JournalError(
                 f"{self.path}: cannot be written: {error.strerror}; {self.flown} of {self.count}"
                 " flights are kept: make room, then go on with --resume"
             ) from None
+
+    def _write(self, data: bytes) -> None:
+        """All of it, behind what is there."""
+        written = 0
+        while written < len(data):
+            written += os.write(self._file.fileno(), data[written:])
+        os.fsync(self._file.fileno())
 
     def _begun(self) -> int:
         """Where what is whole ends; a new file gets its head."""
@@ -194,9 +199,10 @@ class Journal:
         if len(found) < len(head) and head.startswith(found):
             try:
                 file.truncate(0)
-                file.write(head)
+                self._write(head)
             except OSError as error:
-                self.path.unlink()  # no flight is in it
+                with suppress(OSError):
+                    self.path.unlink()  # no flight is in it
                 raise JournalError(
                     f"{self.path}: cannot be written: {error.strerror}; nothing has been flown"
                 ) from None

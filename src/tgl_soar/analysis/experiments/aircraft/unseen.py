@@ -290,12 +290,14 @@ def row_claims(row: UnseenRow, scores: dict[tuple[str, str], UnseenScore]) -> tu
     )
     everyone = plain.flights * len(row.places)
     all_up = inertial.lasted == plain.lasted == everyone
-    ratio = inertial.rms_e_rho_m / plain.rms_e_rho_m
-    measured = f"{100 * inertial.rms_e_rho_m:.2f} and {100 * plain.rms_e_rho_m:.2f} cm: {ratio:.2f}"
+    near, far = inertial.rms_e_rho_m, plain.rms_e_rho_m
+    measured = f"{everyone - inertial.lasted} and {everyone - plain.lasted} lost"
+    if all_up:
+        measured = f"{100 * near:.2f} and {100 * far:.2f} cm: {near / far:.2f}"
     nearer = Claim(
         f"{row.name}: e_rho at most {E_RHO_OF_PLAIN:g} of the plain PID's",
-        all_up and ratio <= E_RHO_OF_PLAIN,
-        measured if all_up else f"{everyone - inertial.lasted} and {everyone - plain.lasted} lost",
+        all_up and near / far <= E_RHO_OF_PLAIN,
+        measured,
         undecided=not all_up,
     )
     return lasted, nearer
