@@ -12,12 +12,14 @@ from benchmarks.page import BEGIN, END
 
 from tgl_soar.analysis.experiments import further_probes, staleness
 from tgl_soar.analysis.experiments.further_probes import (
+    BY_HAND,
     DISPERSED,
     FURTHER,
     IN_TUNNEL,
     OVER_HILL,
     SEARCHING,
     SECTIONS,
+    STEPPING,
     probe_for,
     probe_for_page,
     stamped,
@@ -56,6 +58,18 @@ def test_a_section_is_of_what_flies_or_says_that_it_is_older(page: str, name: st
     says_so = further_probes.OLDER in written
     assert says_so == bool(older), f"docs/{page}: {older}; {command}, or say {further_probes.OLDER}"
     assert not says_so or command in written.partition(further_probes.OLDER)[2].partition("\n\n")[0]
+
+
+@pytest.mark.parametrize(("page", "name"), BY_HAND)
+def test_what_was_copied_is_of_what_flies_or_says_that_it_is_older(page: str, name: str) -> None:
+    text = (DOCS / page).read_text(encoding="utf-8")
+    (copied,) = re.findall(
+        rf"<!-- {name}: begin; copied by hand [^>]+ -->(.*?)<!-- {name}: end -->", text, re.DOTALL
+    )
+    older = staleness.differences(
+        copied, soaring() | {each: further(each) for each in BY_HAND[page, name]}
+    )
+    assert (further_probes.OLDER in copied) == bool(older), f"docs/{page}: {older}"
 
 
 @pytest.mark.parametrize(("page", "name"), SECTIONS)
@@ -117,3 +131,5 @@ def test_the_probes_do_what_they_are_named_for() -> None:
         assert max(abs(a - b) for a, b in zip(further(SEARCHING), other, strict=True)) > 0.01
     quiet = further_probes._changed("static", 12.0, {}, further_probes.EVERY)
     assert further("faults") != pytest.approx(quiet, abs=1e-3)
+    steady = further_probes._changed("speed", 12.0, {}, further_probes.EVERY)
+    assert further(STEPPING) != pytest.approx(steady, abs=1e-3)
