@@ -151,7 +151,7 @@ def figure(
 ) -> Figure:
     """By the aircraft that it was sought with, and by others."""
     own, unlike = (reached(env, policy, seeds) for env in envs)
-    return Figure(envs[0].action, name, parameters, own, unlike)
+    return Figure(action=envs[0].action, policy=name, parameters=parameters, own=own, unlike=unlike)
 
 
 def table(figures: Sequence[Figure], seconds: float) -> str:

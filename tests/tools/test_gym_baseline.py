@@ -66,7 +66,7 @@ def test_what_ends_early_is_counted_with_its_cause() -> None:
         flights=4, gain=1.0, error=0.1, there=0.5, lost=0.25, causes={"hit the board": 1}
     )
     unlike = own._replace(gain=0.5, there=0.25, lost=0.5, causes={"outside the fence": 2})
-    figure = gym_baseline.Figure("pitch", "p", 3, own, unlike)
+    figure = gym_baseline.Figure(action="pitch", policy="p", parameters=3, own=own, unlike=unlike)
     head, _, row = gym_baseline.table([figure], 30.0).splitlines()
     assert head.count("|") == row.count("|") == 12
     assert row == (
