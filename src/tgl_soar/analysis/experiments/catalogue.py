@@ -124,8 +124,10 @@ NOT_FLOWN: Final = ("field",)  # computed from the air alone
 NOT_DISPERSED: Final = {
     "field": "flies nothing; `places` flies its places, dispersed too",
     "margins": "flies nothing; `dispersed` looks at drawn aircraft on the same linear model",
-    "dispersed": "draws each aircraft further apart than that, and unlike its own file",
-    "airframes": "draws each aircraft, and its file is what a glide's log says of it",
+    "dispersed": "draws each aircraft further apart than that, and unlike its own file; the air"
+    " is the site's own",
+    "airframes": "draws each aircraft, and its file is what a glide's log says of it; the air is"
+    " the site's own",
     "lift_map": "draws air and sink, and flies no aircraft: a line that is held without error",
     "forecast": "draws air and sink, and flies no aircraft: a line that is held without error;"
     " `nowhere` flies it whole, dispersed too",
