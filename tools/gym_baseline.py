@@ -32,6 +32,7 @@ TESTED: Final = 1_000_000  # flights from this seed on are never trained on
 SIGMA: Final = 0.1  # of a weight, at the start
 NEAR_M: Final = 0.25  # from the place: there
 OURS: Final = "our law"
+WORDS: Final = ("commands", "policy", "by")  # columns of no numbers
 
 Policy = Callable[[Any], Any]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
@@ -157,14 +158,14 @@ def figure(
 def table(figures: Sequence[Figure], seconds: float) -> str:
     """For docs/gym.md."""
     columns = ("at the place", "ended early", "by")
-    head = ("commands", "policy", "numbers sought", f"reward of {seconds:g}", *columns)
-    rows = [(*head, "reward, unlike the file", *columns), ("---", "---", *["--:"] * 4, "---")]
-    rows[1] += ("--:", "--:", "--:", "---")
-    rows += [
-        (f.action, f.policy, str(f.parameters or "·"), *cells(f.own), *cells(f.unlike))
+    head = ["commands", "policy", "numbers sought", f"reward of {seconds:g}", *columns]
+    head += ["reward, unlike the file", *columns]
+    rule = ["---" if column in WORDS else "--:" for column in head]
+    rows = [
+        [f.action, f.policy, str(f.parameters or "·"), *cells(f.own), *cells(f.unlike)]
         for f in figures
     ]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return "".join(f"| {' | '.join(row)} |\n" for row in (head, rule, *rows))
 
 
 def cells(found: Reached) -> tuple[str, str, str, str]:
