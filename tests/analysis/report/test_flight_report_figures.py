@@ -505,8 +505,8 @@ def test_a_name_stands_in_its_band_where_it_fits(seconds: float, inside: bool) -
     assert ("holding" in [t.get_text() for t in band.texts]) is inside
 
 
-def test_every_mode_of_the_first_ones_has_a_colour_of_its_own() -> None:
-    assert list(MODE_COLOURS) == list(MODE_NAMES[: len(MODE_COLOURS)])
+def test_every_mode_has_a_colour_of_its_own() -> None:
+    assert tuple(MODE_COLOURS) == MODE_NAMES
     assert len(set(MODE_COLOURS.values())) == len(MODE_COLOURS)
 
 

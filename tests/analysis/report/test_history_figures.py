@@ -28,10 +28,10 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.zeuc import contour
 from tgl_soar.analysis.report import curves_figure, flight_figure, polar_figure, timeline_figure
 from tgl_soar.analysis.report.curves_figure import CurvePanel, DrawnCurve, Mark, Note
-from tgl_soar.analysis.report.figure_style import GROUND, PALETTE
+from tgl_soar.analysis.report.figure_style import GROUND, MODE_COLOURS, PALETTE
 from tgl_soar.analysis.report.flight_figure import HistoryPanel, MapAir, Spans, Trace
 from tgl_soar.analysis.report.legs import HOLDING_LINE
-from tgl_soar.analysis.report.timeline_figure import MODE_COLOURS, Timeline
+from tgl_soar.analysis.report.timeline_figure import Timeline
 from tgl_soar.analysis.report.zeuc_figure import DrawnLine
 from tgl_soar.estimation.polar import best_glide_speed, fit_polar, sink_band
 from tgl_soar.types import polar_sink

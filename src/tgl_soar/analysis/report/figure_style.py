@@ -17,6 +17,27 @@ if TYPE_CHECKING:
 PALETTE: Final = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GROUND: Final = "#5b4636"
 
+# Of every mode of the supervisor, in its order: grey on the ground and where the pilot flies.
+MODE_COLOURS: Final = {
+    "boot": "#EEF0F2",
+    "standby": "#D9DDE1",
+    "ready": "#B5CFE2",
+    "capturing": "#E69F00",
+    "soaring": "#009E73",
+    "holding": "#CC79A7",
+    "recovering": "#D55E00",
+    "released": "#5A626B",
+    "failed": "#1F2429",
+    "searching": "#56B4E9",
+    "launching": "#F0E442",
+    "breaking off": "#B8860B",
+    "landing": "#0072B2",
+    "beating": "#8FD9C4",
+}
+DARK_MODES: Final = frozenset(  # a name on them is written in white
+    ("soaring", "recovering", "released", "failed", "breaking off", "landing")
+)
+
 _LOOK: Final[dict[str, Any]] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,

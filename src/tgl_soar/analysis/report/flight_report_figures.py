@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 from tgl_soar.air.field import WindField
 from tgl_soar.air.zeuc import Bounds, ZeucError, contour
 from tgl_soar.analysis.logs.flight_data import FlightData, LoggedMode, Series
-from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, plain_number
+from tgl_soar.analysis.report.figure_style import (
+    DARK_MODES,
+    GROUND,
+    MODE_COLOURS,
+    PALETTE,
+    plain_number,
+)
 from tgl_soar.analysis.report.legs import FLYING, Line, ReportLeg
 from tgl_soar.analysis.report.smooth_map import draw_smooth_map
 from tgl_soar.analysis.report.spectra import Spectrum
@@ -40,19 +46,6 @@ UPDRAFT_STEPS: Final = (0.05, 0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 5.0)  # between two
 POINTS: Final = 1400  # of a curve: about one for every other pixel of a page
 BANDS: Final = 240  # parts of the time, each a mean: a line that eyes can follow
 PATH_POINTS: Final = 12_000
-MODE_COLOURS: Final = {
-    "boot": "#eef0f2",
-    "standby": "#d9dde1",
-    "ready": "#b5cfe2",
-    "capturing": "#E69F00",
-    "soaring": "#009E73",
-    "holding": "#CC79A7",
-    "recovering": "#D55E00",
-    "released": "#5a626b",
-    "failed": "#1f2429",
-}
-
-
 LOUD_MODES: Final = ("holding", "recovering", "released", "failed")  # named however short
 
 
@@ -437,7 +430,6 @@ def _mode_band(axes: Axes, flight: FlightData, span: Span) -> None:
             continue
         axes.axvspan(a, b, ymin=0.0, ymax=0.6, color=_mode_colour(name), lw=0)
         if b - a > (0.011 * len(name) + 0.012) * (span[1] - span[0]):
-            dark = MODE_COLOURS.get(name) in ("#009E73", "#5a626b", "#1f2429", "#D55E00")
             axes.text(
                 0.5 * (a + b),
                 0.29,
@@ -445,7 +437,7 @@ def _mode_band(axes: Axes, flight: FlightData, span: Span) -> None:
                 ha="center",
                 va="center",
                 fontsize=7.5,
-                color="white" if dark else INK,
+                color="white" if name in DARK_MODES else INK,
                 transform=axes.get_xaxis_transform(),
                 clip_on=True,
             )
@@ -477,7 +469,7 @@ def _mode_band(axes: Axes, flight: FlightData, span: Span) -> None:
 
 
 def _mode_colour(name: str) -> str:
-    return MODE_COLOURS.get(name, "#c4d9e8")
+    return MODE_COLOURS.get(name, "#c4d9e8")  # of the autopilot
 
 
 def longitudinal_panels(flight: FlightData) -> list[TimePanel]:

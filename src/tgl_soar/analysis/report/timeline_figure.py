@@ -9,18 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tgl_soar.analysis.report.figure_style import PALETTE, drawing, save
+from tgl_soar.analysis.report.figure_style import MODE_COLOURS, PALETTE, drawing, save
 
 Floats = NDArray[np.float64]
 
-MODE_COLOURS = {
-    "capturing": "#56B4E9",
-    "soaring": "#009E73",
-    "holding": "#E69F00",
-    "recovering": "#CC79A7",
-    "released": "#D55E00",
-    "failed": "#000000",
-}
+ON_THE_GROUND = ("boot", "standby", "ready")
+SHADES = {mode: c for mode, c in MODE_COLOURS.items() if mode not in ON_THE_GROUND}
 
 
 @dataclass(frozen=True)
@@ -63,8 +57,8 @@ def draw_timelines(path: Path, timelines: list[Timeline]) -> None:
         axes[1, 0].set_ylabel("age of the position [s]")
         axes[2, 0].set_ylabel("elevator [-]")
         axes[2, -1].legend(loc="lower right")
-        modes = [mode for mode in MODE_COLOURS if any(mode in f.mode for f in timelines)]
-        patches = [plt.Rectangle((0, 0), 1, 1, color=MODE_COLOURS[m], alpha=0.25) for m in modes]
+        modes = [mode for mode in SHADES if any(mode in f.mode for f in timelines)]
+        patches = [plt.Rectangle((0, 0), 1, 1, color=SHADES[m], alpha=0.25) for m in modes]
         figure.legend(patches, modes, loc="outside lower center", ncols=len(modes))
         save(plt, figure, path)
 
@@ -72,7 +66,7 @@ def draw_timelines(path: Path, timelines: list[Timeline]) -> None:
 def _shade_modes(panel: object, flight: Timeline) -> None:
     changes = [i for i in range(1, len(flight.mode)) if flight.mode[i] != flight.mode[i - 1]]
     for begin, end in pairwise([0, *changes, len(flight.mode)]):
-        colour = MODE_COLOURS.get(flight.mode[begin])
+        colour = SHADES.get(flight.mode[begin])
         if colour is not None:
             panel.axvspan(  # type: ignore[attr-defined]
                 flight.time_s[begin], flight.time_s[end - 1], color=colour, alpha=0.2, linewidth=0
