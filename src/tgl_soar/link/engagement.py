@@ -17,6 +17,8 @@ after `SILENCE_S`, ten messages in a row at the rate that is asked for, and ends
 after `GONE_S`.  Until then a stream that was turned off comes back: its rate is checked every
 2 s, and it is asked for again at once.  Not later, for all that time the pilot's own way to end the
 flight does nothing.
+
+Every other reason why an engagement is refused: `onboard.engage_switch`, and the supervisor's.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What each field of the log means, and the page docs/logs.md.  On the ground only.
 
 A field that a named tuple declares is explained by the comment beside it, there where it is
-declared; one without a comment stands in `declaration.MEANINGS`, or its name, which has a unit,
+declared; one without a comment stands in `topics.MEANINGS`, or its name, which has a unit,
 says it all.
 """
 

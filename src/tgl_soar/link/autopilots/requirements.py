@@ -1,7 +1,8 @@
-"""What a firmware's parameters must be, declared row by row, and whether they are.
+"""What a firmware's parameters must be, and whether they are.
 
-The rows are data: `tgl-soar preflight` and the module read the vehicle's values and hold them
-against these.  The tables of docs/hardware.md say the same; they are written by hand.
+The rows stand in each firmware's file (`need(…)`).  They are data: `tgl-soar preflight` and the
+module read the vehicle's values and hold them against these.  The tables of docs/hardware.md say
+the same; they are written by hand.
 """
 
 from __future__ import annotations
