@@ -243,7 +243,7 @@ def test_in_manual_the_pilot_moves_the_surfaces_and_in_fbwa_they_ask_for_no_bank
         assert (sticks.aileron != 0.0) == moves
 
 
-def test_what_is_lost_lies_for_three_seconds_and_is_held_armed_and_in_manual_again() -> None:
+def test_what_is_lost_lies_for_ten_seconds_and_is_held_armed_and_in_manual_again() -> None:
     simulation = simulated(held=False)
     world = simulation.world
     simulation.pixhawk.set_mode(FBWA, "a test")
@@ -253,7 +253,7 @@ def test_what_is_lost_lies_for_three_seconds_and_is_held_armed_and_in_manual_aga
     assert lost.startswith("lost: ")
     assert (simulation.crashes, simulation.flying) == (1, False)
     simulation.pixhawk.arm(False, force=True)
-    assert steps(simulation, 599) == []
+    assert steps(simulation, 1999) == []  # 200 a second
     said = steps(simulation, 2)
     assert "carried back and held at the start again" in said
     assert world.held

@@ -29,7 +29,9 @@ from tgl_soar.sim.vehicle.sensed import Sensed
 from tgl_soar.sim.world import World, make_world, site_field
 from tgl_soar.types import AttitudeSample, SurfaceCommand, polar_sink
 
-LYING_S: Final = 3.0  # after a crash, before somebody has carried the aircraft back
+# After it has come down, before somebody has carried the aircraft back: longer than an autopilot's
+# estimator takes to find that it stands still.  EKF2 of PX4 takes four to five seconds.
+LYING_S: Final = 10.0
 TRUTH_HZ: Final = 5
 DUPLICATE_UPTIME_S: Final = 3600.0  # since when the other autopilot has been running, and longer
 LOG_COLUMNS: Final = (

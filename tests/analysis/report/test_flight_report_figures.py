@@ -15,10 +15,9 @@ from matplotlib.colors import to_hex
 from tgl_soar.air.hill import HillField
 from tgl_soar.air.zeuc import Crossing
 from tgl_soar.analysis.logs.flight_data import Event, FlightData, LoggedMode, Series
-from tgl_soar.analysis.report.figure_style import PALETTE
+from tgl_soar.analysis.report.figure_style import MODE_COLOURS, PALETTE
 from tgl_soar.analysis.report.flight_report_figures import (
     BANDS,
-    MODE_COLOURS,
     PATH_POINTS,
     Curve,
     Surroundings,
