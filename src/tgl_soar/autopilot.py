@@ -1,8 +1,7 @@
 """One tick of the autopilot: estimate, supervise, guide, control, limit.
 
-`step` is pure.  It knows no clock and no socket: the same function flies the aircraft, the
-bridge, the batch simulations and the replay of a log.  Its time is `Inputs.time_s`, its dt
-the difference of two of these.
+`step` is pure.  It knows no clock and no socket: the same function flies the aircraft, the bridge,
+batch simulations and replays of logs.  Its time is `Inputs.time_s`, its dt the difference of two.
 """
 
 from __future__ import annotations
@@ -433,7 +432,7 @@ def _fly(
     guidance = _guide(laws, state, estimates, decision, line, tracking, off_line_s, dt_s)
     foreseen, left = forecast.foreseen, state.throttle
     throttle = power_step(laws, left, mode, foreseen, guidance.launch_landing, estimates, dt_s)
-    loops, flown = _control(laws, state.loops, inputs, estimates, guidance, dt_s)
+    loops, flown = _control(laws, mode, state.loops, inputs, estimates, guidance, dt_s)
     state = AutopilotState(
         time_s=inputs.time_s,
         supervisor=supervisor,
@@ -455,6 +454,7 @@ def _fly(
 
 def _control(
     laws: Laws,
+    mode: int,
     before: LoopsState,
     inputs: Inputs,
     estimates: Estimates,
@@ -478,6 +478,7 @@ def _control(
         braked=guidance.braked,
         stall_rad=margins.stall_rad,
         surfaces=inputs.surfaces,
+        flies=modes.is_flying(mode),
         dt_s=dt_s,
     )
     return loops, _Flown(

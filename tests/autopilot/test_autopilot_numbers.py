@@ -23,7 +23,7 @@ from tgl_soar.autopilot import (
     step,
 )
 from tgl_soar.control import supervisor as modes
-from tgl_soar.control.envelope import CUT_NOSE_UP
+from tgl_soar.control.envelope import CUT_MODE, CUT_NOSE_UP
 from tgl_soar.control.estimates import estimate
 from tgl_soar.control.excitation import IDLE, RUNNING
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint
@@ -276,6 +276,19 @@ def test_only_who_soars_on_a_line_is_blown_behind_it(
     _, output = tick(flight)
     assert output.line.e_rho_m != 0.0
     assert asked == [-output.line.e_rho_m * share]
+
+
+@pytest.mark.interpreted
+def test_the_last_limiter_asks_of_the_mode_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were the laws flown in a mode that is not in control, they would still move nothing."""
+    flight = soaring().fly(0.2)
+    control = autopilot._control
+    monkeypatch.setattr(
+        autopilot, "_control", lambda laws, _, *rest: control(laws, modes.READY, *rest)
+    )
+    _, output = tick(flight)
+    assert output.command == SurfaceCommand(0.0, 0.0, 0.0, 0.0)
+    assert output.cut & CUT_MODE
 
 
 @pytest.mark.interpreted

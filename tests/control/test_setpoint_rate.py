@@ -102,6 +102,7 @@ def derivative(
         braked=BrakeEffect(0.0, 0.0),
         stall_rad=inf,
         surfaces=NO_SURFACES,
+        flies=True,
         dt_s=DT_S,
     )
     return state, terms.elevator.d

@@ -10,7 +10,7 @@ import pytest
 from samples import STILL, surfaces_sample
 
 from tgl_soar.config.parameters import ParameterSet
-from tgl_soar.control.envelope import Limited, unlimited
+from tgl_soar.control.envelope import CUT_MODE, Limited, unlimited
 from tgl_soar.control.heading import HeadingGains
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.pid import PidGains, PidState
@@ -83,6 +83,7 @@ def flies(
         "braked": BrakeEffect(0.0, 0.0),
         "stall_rad": inf,
         "surfaces": NO_SURFACES,
+        "flies": True,
         "dt_s": DT_S,
     }
     return surfaces_step(
@@ -92,6 +93,12 @@ def flies(
 
 def limited_by(**changed: Any) -> Limited:
     return flies(**changed)[0].limited
+
+
+def test_a_mode_that_does_not_fly_moves_nothing_whatever_the_laws_want() -> None:
+    limited = limited_by(flies=False, brake=0.4)
+    assert limited.command == SurfaceCommand(0.0, 0.0, 0.0, 0.0)
+    assert limited.cut == CUT_MODE
 
 
 # --- ours ---------------------------------------------------------------------------------------

@@ -168,12 +168,14 @@ def surfaces_step(
     braked: BrakeEffect,
     stall_rad: float,
     surfaces: SurfacesSample,
+    flies: bool,
     dt_s: float,
 ) -> tuple[LoopsState, SurfaceTerms]:
     """One step.
 
     brake, brake_max: wanted, and the furthest that it may go; braked: what the brake changes now;
-    stall_rad: the margin of the angle of attack; surfaces: as they are read back.
+    stall_rad: the margin of the angle of attack; surfaces: as they are read back;
+    flies: whether the module is in control in the mode.
     """
     trim = laws.trim
     if braked.elevator != 0.0:
@@ -223,7 +225,7 @@ def surfaces_step(
         wanted,
         elevator_limit(laws.envelope, trim.elevator, stall_rad, vehicle.pitch_rate_radps),
         brake_max,
-        True,
+        flies,
         dt_s,
     )
     if laws.loops != OURS:

@@ -165,6 +165,7 @@ def given_loops(
         braked=BrakeEffect(0.0, 0.0),
         stall_rad=output.margins.stall_rad,
         surfaces=inputs.surfaces,
+        flies=True,
         dt_s=dt_s,
     )
     return loops, setpoints
