@@ -23,6 +23,22 @@ INFINITE: Final = float("inf")
 NEVER_S: Final = -INFINITE  # the time of what has not been yet
 GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the accelerometers
 
+# Modes of the supervisor.  Plain numbers: they go over the wire and into the log.
+BOOT: Final = 0
+STANDBY: Final = 1
+READY: Final = 2
+CAPTURING: Final = 3
+SOARING: Final = 4
+HOLDING: Final = 5
+RECOVERING: Final = 6
+RELEASED: Final = 7
+FAILED: Final = 8
+SEARCHING: Final = 9
+LAUNCHING: Final = 10
+BREAKING_OFF: Final = 11
+LANDING: Final = 12
+BEATING: Final = 13
+
 
 def isfinite(number: float) -> bool:
     """Of a float, as `math.isfinite`; in native code it is no call of Python's."""

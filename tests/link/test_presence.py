@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.control import supervisor, supervisor_texts
 from tgl_soar.link.messages import Heartbeat
-from tgl_soar.link.presence import _ENGAGED, ALONE_S, STATES, Presence
+from tgl_soar.link.presence import ALONE_S, ENGAGED, STATES, Presence
 
 
 def beat_in(mode: int, start: int = 7) -> tuple[int, int]:
@@ -19,7 +19,7 @@ def beat_in(mode: int, start: int = 7) -> tuple[int, int]:
 
 
 def test_every_mode_of_the_supervisor_has_its_state() -> None:
-    assert len(STATES) == len(supervisor_texts.MODE_NAMES)
+    assert list(STATES) == list(range(len(supervisor_texts.MODE_NAMES)))
     state = {name: beat_in(mode)[1] for mode, name in enumerate(supervisor_texts.MODE_NAMES)}
     assert state["boot"] == mavlink.MAV_STATE_BOOT
     assert state["standby"] == state["ready"] == mavlink.MAV_STATE_STANDBY
@@ -45,7 +45,7 @@ def test_a_duplicate_is_told_from_our_own_echo() -> None:
         theirs.mode = mode
         assert ours.take(theirs.heartbeat(), 1.0)
         assert ours.duplicate_is_engaged == supervisor.is_flying(mode)
-    assert frozenset(filter(supervisor.is_flying, range(len(STATES)))) == _ENGAGED
+    assert frozenset(filter(supervisor.is_flying, STATES)) == ENGAGED
     assert not ours.is_alone(1.0 + ALONE_S)
     assert ours.is_alone(1.1 + ALONE_S)
     ours.take(theirs.heartbeat(), 1.0)

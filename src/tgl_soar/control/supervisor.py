@@ -40,23 +40,23 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from tgl_soar.types import INFINITE
-
-# Modes.  Plain numbers: they go over the wire and into the log.
-BOOT: Final = 0
-STANDBY: Final = 1
-READY: Final = 2
-CAPTURING: Final = 3
-SOARING: Final = 4
-HOLDING: Final = 5
-RECOVERING: Final = 6
-RELEASED: Final = 7
-FAILED: Final = 8
-SEARCHING: Final = 9
-LAUNCHING: Final = 10
-BREAKING_OFF: Final = 11
-LANDING: Final = 12
-BEATING: Final = 13
+from tgl_soar.types import (
+    BEATING,
+    BOOT,
+    BREAKING_OFF,
+    CAPTURING,
+    FAILED,
+    HOLDING,
+    INFINITE,
+    LANDING,
+    LAUNCHING,
+    READY,
+    RECOVERING,
+    RELEASED,
+    SEARCHING,
+    SOARING,
+    STANDBY,
+)
 
 MINIMUM_S: Final = 0.2
 READY_S: Final = 1.0

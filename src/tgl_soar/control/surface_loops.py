@@ -173,9 +173,8 @@ def surfaces_step(
 ) -> tuple[LoopsState, SurfaceTerms]:
     """One step.
 
-    brake, brake_max: wanted, and the furthest that it may go; braked: what the brake changes now;
-    stall_rad: the margin of the angle of attack; surfaces: as they are read back;
-    flies: whether the module is in control in the mode.
+    brake, brake_max: wanted, and the furthest it may go; braked: what the brake changes now; flies:
+    the mode is in control; stall_rad: the stall's margin; surfaces: as they are read back.
     """
     trim = laws.trim
     if braked.elevator != 0.0:

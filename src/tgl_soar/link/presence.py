@@ -35,31 +35,43 @@ from tgl_soar.link.messages import (
     TYPE_ONBOARD_CONTROLLER,
     Heartbeat,
 )
+from tgl_soar.types import (
+    BEATING,
+    BOOT,
+    BREAKING_OFF,
+    CAPTURING,
+    FAILED,
+    HOLDING,
+    LANDING,
+    LAUNCHING,
+    READY,
+    RECOVERING,
+    RELEASED,
+    SEARCHING,
+    SOARING,
+    STANDBY,
+)
 
 MODE_BITS: Final = 8
 ALONE_S: Final = 5.0  # so long after its last heartbeat a duplicate is gone; four may be lost
-# By the mode, as the supervisor numbers them; a test holds the two together.
-STATES: Final = (
-    STATE_BOOT,
-    STATE_STANDBY,
-    STATE_STANDBY,  # ready
-    STATE_ACTIVE,  # capturing
-    STATE_ACTIVE,  # soaring
-    STATE_CRITICAL,  # holding
-    STATE_CRITICAL,  # recovering
-    STATE_CRITICAL,  # released
-    STATE_EMERGENCY,  # failed
-    STATE_ACTIVE,  # searching
-    STATE_ACTIVE,  # launching
-    STATE_CRITICAL,  # breaking off
-    STATE_CRITICAL,  # landing
-    STATE_ACTIVE,  # beating
-)
-
-
-_ENGAGED: Final = frozenset(
-    (3, 4, 5, 6, 9, 10, 11, 12, 13)
-)  # capturing to recovering; searching to beating
+STATES: Final = {
+    BOOT: STATE_BOOT,
+    STANDBY: STATE_STANDBY,
+    READY: STATE_STANDBY,
+    CAPTURING: STATE_ACTIVE,
+    SOARING: STATE_ACTIVE,
+    HOLDING: STATE_CRITICAL,
+    RECOVERING: STATE_CRITICAL,
+    RELEASED: STATE_CRITICAL,
+    FAILED: STATE_EMERGENCY,
+    SEARCHING: STATE_ACTIVE,
+    LAUNCHING: STATE_ACTIVE,
+    BREAKING_OFF: STATE_CRITICAL,
+    LANDING: STATE_CRITICAL,
+    BEATING: STATE_ACTIVE,
+}
+# Of a duplicate: the modes in which it is in control.
+ENGAGED: Final = frozenset(STATES) - {BOOT, STANDBY, READY, RELEASED, FAILED}
 
 
 class Presence:
@@ -67,7 +79,7 @@ class Presence:
 
     def __init__(self, start: int) -> None:
         """`start`: a number that no other start has drawn; its lower 24 bits count."""
-        self.mode = 0
+        self.mode = BOOT
         self.duplicate_is_engaged = False  # as its last heartbeat says
         self._duplicate_s = float("-inf")  # when it was received last
         self._start = start % 2**24 or 1
@@ -88,7 +100,7 @@ class Presence:
         if start == self._start:
             return False
         self._duplicate_s = now_s
-        self.duplicate_is_engaged = mode in _ENGAGED
+        self.duplicate_is_engaged = mode in ENGAGED
         return True
 
     def is_alone(self, now_s: float) -> bool:

@@ -15,12 +15,10 @@ import pytest
 from firmware_step import AIRFRAME, NO_STICKS, READINGS, leg
 
 from tgl_soar.config.files import shipped
-from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
+from tgl_soar.link.autopilots.ardupilot import MODE_AUTO, MODE_FBWA, MODE_GUIDED
 from tgl_soar.sim.firmware import FirmwareError, ardupilot
 from tgl_soar.sim.firmware.ardupilot import (
     MAGIC,
-    MODE_FBWA,
-    MODE_GUIDED,
     ArduPlane,
     ArduPlanePhysics,
     flight_parameters,

@@ -12,13 +12,13 @@ import pytest
 from firmware_step import AIRFRAME, NO_STICKS, READINGS
 from pymavlink.dialects.v20 import common as mavlink
 
+from tgl_soar.link.autopilots.px4 import MODE_MANUAL, MODE_OFFBOARD
 from tgl_soar.sim.firmware import FirmwareError, px4
 from tgl_soar.sim.firmware.px4 import (
     BENCH,
     GAINS,
     POSE_PARAMETERS,
     Px4Physics,
-    custom_mode,
     flight_parameters,
     hil_gps,
     hil_sensor,
@@ -64,8 +64,8 @@ def heard(client: socket.socket) -> list[Any]:
 
 def test_the_modes_are_px4s_main_modes_in_the_third_byte() -> None:
     """px4_custom_mode.h: MANUAL 1, OFFBOARD 6, in bits 16 to 23."""
-    assert custom_mode(1) == 65536
-    assert custom_mode(6) == 393216
+    assert MODE_MANUAL == 65536
+    assert MODE_OFFBOARD == 393216
     assert Px4Physics.manual_mode == 65536
     assert Px4Physics.obeys == {
         "SET_ATTITUDE_TARGET": 393216,
@@ -81,7 +81,7 @@ def test_it_steps_250_times_a_second_and_has_its_home_by_itself() -> None:
 
 
 def test_a_mode_is_asked_for_by_its_main_mode(physics: Px4Physics) -> None:
-    asked = physics.ask_for_mode(7, custom_mode(6))
+    asked = physics.ask_for_mode(7, MODE_OFFBOARD)
     assert (asked.target_system, asked.target_component) == (7, 1)
     assert (asked.command, asked.confirmation) == (mavlink.MAV_CMD_DO_SET_MODE, 0)
     assert asked.param1 == mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

@@ -28,7 +28,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import HomePosition, Site
-from tgl_soar.link.autopilots.ardupilot import FUNCTIONS, RCIN, THROTTLE
+from tgl_soar.link.autopilots.ardupilot import (
+    FUNCTIONS,
+    MODE_FBWA,
+    MODE_GUIDED,
+    MODE_MANUAL,
+    RCIN,
+    THROTTLE,
+)
 from tgl_soar.sim.channels import (
     NEUTRAL,
     command_of,
@@ -55,9 +62,6 @@ SEED_STEPS: Final = 80  # between two GPS fixes that help it start
 POSES_USED: Final = "using external nav data"
 GPS_WEEK: Final = 2400
 SPEEDUP: Final = 100  # of real time, at most: so that it waits for nobody but us
-MODE_MANUAL: Final = 0
-MODE_FBWA: Final = 5
-MODE_GUIDED: Final = 15
 MODE_CHANNEL: Final = 8
 THROTTLE_CHANNEL: Final = 3
 RC_CHANNELS: Final = 8

@@ -27,6 +27,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import Site
+from tgl_soar.link.autopilots.px4 import MODE_MANUAL, MODE_OFFBOARD
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
@@ -54,26 +55,17 @@ BAROMETER: Final = 0b1_1010_0000_0000  # absolute pressure, its height, temperat
 DIFFERENTIAL: Final = 0b0_0100_0000_0000
 
 
-MAIN_MANUAL: Final = 1  # main modes of custom_mode
-MAIN_OFFBOARD: Final = 6
-
-
-def custom_mode(main: int) -> int:
-    """HEARTBEAT.custom_mode of a main mode."""
-    return main << 16
-
-
 class Px4Physics:
     """One PX4 at the other end of a TCP connection."""
 
     name = "PX4"
     step_hz = STEP_HZ
     first_item = 1  # it has its home by itself
-    manual_mode = custom_mode(MAIN_MANUAL)
+    manual_mode = MODE_MANUAL
     obeys: Mapping[str, int] = {
-        "SET_ATTITUDE_TARGET": custom_mode(MAIN_OFFBOARD),
-        "SET_ACTUATOR_CONTROL_TARGET": custom_mode(MAIN_OFFBOARD),
-        "MANUAL_CONTROL": custom_mode(MAIN_MANUAL),
+        "SET_ATTITUDE_TARGET": MODE_OFFBOARD,
+        "SET_ACTUATOR_CONTROL_TARGET": MODE_OFFBOARD,
+        "MANUAL_CONTROL": MODE_MANUAL,
     }
 
     def __init__(self, surfaces: Surfaces, port: int) -> None:
