@@ -32,6 +32,8 @@ from tgl_soar.link.messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
+    Wind,
+    WindCov,
 )
 
 
@@ -149,6 +151,18 @@ KNOWN = [
         RawImu(time_usec=5_000_007, xacc=10, yacc=-20, zacc=-1000, xgyro=1, ygyro=2, zgyro=3),
     ),
     (mavlink.MAVLink_vfr_hud_message(8.5, 0.25, 270, 0, 120.5, -0.5), VfrHud(8.5, 120.5)),
+    (mavlink.MAVLink_wind_message(-90.0, 8.5, 0.25), Wind(-90.0, 8.5)),
+    (
+        mavlink.MAVLink_wind_cov_message(7, -1.0, 8.5, 0.25, 1.5, 2.5, 120.0, 0.5, 2.0),
+        WindCov(
+            time_usec=7,
+            wind_x=-1.0,
+            wind_y=8.5,
+            wind_z=0.25,
+            horiz_accuracy=0.5,
+            vert_accuracy=2.0,
+        ),
+    ),
     (
         mavlink.MAVLink_sys_status_message(*(48, 32, 16), *(0,) * 10),
         SysStatus(48, 16),

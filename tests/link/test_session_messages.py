@@ -48,6 +48,8 @@ from tgl_soar.link.messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
+    Wind,
+    WindCov,
 )
 from tgl_soar.link.session import Session, SessionOptions
 from tgl_soar.link.sources import VISION, PositionSources
@@ -57,7 +59,7 @@ NEEDS = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=
 MEASUREMENTS = (
     *(RawImu, ScaledImu, HighresImu, AttitudeQuaternion, LocalPositionNed, Odometry),
     *(GlobalPositionInt, VfrHud, ServoOutputRaw, DistanceSensor, GpsRawInt, EkfStatusReport),
-    *(EstimatorStatus,),
+    *(EstimatorStatus, Wind, WindCov),
 )
 
 
@@ -140,6 +142,7 @@ def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
     hear(talk, MissionCurrent(3), 1.0)
     hear(talk, GpsRawInt(3, 1500, 2500), 1.0)
     hear(talk, EkfStatusReport(0), 1.0)
+    hear(talk, Wind(270.0, 8.0), 1.0)
     assert talk.has_heartbeat
     assert (talk.attitude.sequence, talk.imu.sequence, talk.position.sequence) == (1, 1, 1)
     assert talk.airspeed.airspeed_mps == 9.5
@@ -148,6 +151,7 @@ def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
     assert talk.rangefinder.range_m == 7.0
     assert talk.vehicle_time_s == pytest.approx(1.0, abs=1e-3)  # of a whole millisecond
     assert talk.mission.home == HomeMessage(10, 20, 30)
+    assert talk.wind.known(1.0) == pytest.approx((0.0, 8.0))
     assert talk.mission.current == 3
     assert talk.receiver.known(1.0) == (1.5, 2.5)
     assert talk.counters.foreign == 0
@@ -319,6 +323,7 @@ def talked(**options: Any) -> Session:
     hear(talk, Timesync(7, 99_000_000_000), 99.2)
     hear(talk, GpsRawInt(3, 1500, 2500), 99.3)
     hear(talk, MissionCurrent(4), 99.3)
+    hear(talk, Wind(270.0, 8.0), 99.3)
     hear(talk, EkfStatusReport(831), 99.3)
     hear(talk, attitude(99_300), 99.3)
     hear(talk, position(99_300), 99.3)
@@ -326,6 +331,7 @@ def talked(**options: Any) -> Session:
     assert stream is not None
     assert stream.given_up
     assert talk.receiver.known(99.3) == (1.5, 2.5)
+    assert talk.wind.known(99.3) == pytest.approx((0.0, 8.0))
     assert talk.round_trip_s == pytest.approx(0.2)
     talk.presence.take(noughts(Heartbeat)._replace(custom_mode=9 << 8), 99.3)
     assert not talk.presence.is_alone(99.3)
@@ -340,6 +346,7 @@ def is_begun_anew(talk: Session, now_s: float) -> None:
     assert talk.mission.current == -1
     assert talk.mission.restarts == 1
     assert isnan(talk.receiver.known(now_s)[0])
+    assert isnan(talk.wind.known(now_s)[0])
     assert talk.heartbeat_if_due(now_s - 0.01) == []
     assert talk.heartbeat_if_due(now_s) == [talk.heartbeat()]
     asked = talk.poll(now_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, nan, radians
+from math import degrees, inf, nan, radians
 from typing import Any
 
 import pytest
@@ -219,6 +219,20 @@ HOME = HomePosition(latitude_deg=52.0, longitude_deg=4.4, altitude_m=10.0)
 LANDING_ITEMS = ((16, 0.0), (189, 0.0), (16, 15.0), (21, 28.0))  # command, west of home [m]
 
 
+class WindOf:
+    """What the autopilot says of the wind, towards north and east [m/s]."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self.ned = (nan, nan)
+
+    def want(self) -> None:
+        self.asked += 1
+
+    def known(self, _: float) -> tuple[float, float]:
+        return self.ned
+
+
 class Firmware:
     """A setup and a session with a firmware that may land."""
 
@@ -232,6 +246,7 @@ class Firmware:
         self.status = self
         self.time_s = 0.0
         self.custom_mode = 5
+        self.wind = WindOf()
 
     @property
     def autopilot(self) -> Any:
@@ -530,3 +545,78 @@ def test_an_operator_who_takes_the_landing_back_is_told_of_no_other(flight: Flig
     settings.values["LND_BY"] = 0.0
     landing.tick(output_of(flight, LANDING, 1.1))
     assert said.words == []
+
+
+def in_wind(flight: Flight, mode: int, time_s: float, along: float, across: float = 0.0) -> Output:
+    output = output_of(flight, mode, time_s)
+    return output._replace(air=output.air._replace(wind_mps=along, cross_wind_mps=across))
+
+
+# The wind blows from the west, so that of the aircraft, [8, 0] in its frame, is [0, 8] in NED.
+WRONG_WIND = "its wind is 8 m/s from the wrong side"
+
+
+@pytest.mark.parametrize(
+    ("north", "east", "along", "refused"),
+    [
+        (0.0, 8.0, 8.0, False),
+        (0.0, -8.0, 8.0, True),  # the mirrored solution
+        (0.0, -2.1, 8.0, True),
+        (0.0, -1.9, 8.0, False),  # an estimate that is about nothing yet
+        (-7.0, 1.0, 8.0, False),  # across
+        (0.0, -8.0, 3.9, False),  # nobody can say
+        (0.0, -8.0, nan, False),
+        (nan, nan, 8.0, False),  # it has not been heard of
+        (0.0, -inf, 8.0, False),
+    ],
+)
+@pytest.mark.parametrize("by", [1.0, 2.0])
+def test_an_autopilot_with_a_wind_from_the_wrong_side_does_not_get_to_land(
+    flight: Flight, by: float, north: float, east: float, along: float, refused: bool
+) -> None:
+    firmware, said = Firmware("px4"), Reported()
+    landing = landing_by(firmware, said, by)
+    landing.tick(output_of(flight, READY, 0.5))
+    assert firmware.wind.asked == 1
+    firmware.answers(0.6)
+    landing.tick(output_of(flight, BREAKING_OFF, 1.0))
+    firmware.answers(1.1)
+    firmware.wind.ned = (north, east)
+    for k in range(3):
+        firmware.time_s = 2.0 + k
+        landing.tick(in_wind(flight, LANDING, 2.0 + k, along))
+    assert (said.sent == []) is refused
+    if refused:
+        assert said.words == [f"its wind is {-east:.0f} m/s from the wrong side: we land"]
+        firmware.wind.ned = (0.0, 8.0)  # too late: the approach has begun
+        firmware.time_s = 6.0
+        landing.tick(in_wind(flight, LANDING, 6.0, along))
+        assert said.sent == []
+
+
+def test_the_side_of_the_wind_is_that_of_its_vector(flight: Flight) -> None:
+    """Of a wind from beside the frame's x axis: [8, 8] in its frame is [8, 8] to north and east."""
+    for north, east, refused in ((8.0, 8.0, False), (-8.0, -8.0, True), (8.0, -8.0, False)):
+        firmware, said = Firmware("px4"), Reported()
+        landing = landing_by(firmware, said, 2.0)
+        firmware.wind.ned = (north, east)
+        firmware.time_s = 1.0
+        landing.tick(in_wind(flight, LANDING, 1.0, 8.0, 8.0))
+        assert (said.sent == []) is refused, (north, east)
+
+
+def test_a_wrong_wind_is_reported_while_there_is_time(flight: Flight) -> None:
+    firmware, said = Firmware("px4"), Reported()
+    landing = landing_by(firmware, said, 2.0)
+    firmware.wind.ned = (0.0, 8.0)
+    landing.tick(in_wind(flight, SOARING, 1.0, 8.0))
+    assert said.words == []
+    firmware.wind.ned = (0.0, -8.0)
+    for k in range(3):
+        landing.tick(in_wind(flight, SOARING, 2.0 + k, 8.0))
+    assert said.words == [f"of the autopilot: {WRONG_WIND}; its own modes fly downwind"]
+    landing._settings.values["LND_BY"] = 0.0
+    landing.tick(in_wind(flight, SOARING, 6.0, 8.0))
+    landing._settings.values["LND_BY"] = 2.0
+    landing.tick(in_wind(flight, SOARING, 7.0, 8.0))
+    assert len(said.words) == 2

@@ -46,7 +46,8 @@ STAYS = {
         "onboard.watchdog", "onboard.watchdog_release",
     ),
     "looks in a tick whether something was asked for or has come, seldom anything": (
-        "link.mission", "link.tracked_attitude", "link.vehicle.estimator_status",
+        "link.mission", "link.tracked_attitude", "link.vehicle.autopilot_wind",
+        "link.vehicle.estimator_status",
         "link.vehicle.gnss_accuracy", "onboard.excitation_switch", "onboard.firmware_landing",
         "onboard.gnss_watch", "onboard.launch_landing_switch", "onboard.line_moves",
         "onboard.search_switch", "onboard.station_watch", "onboard.survey_switch",

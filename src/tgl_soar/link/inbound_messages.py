@@ -34,6 +34,8 @@ from tgl_soar.link.messages import (
     SysStatus,
     VfrHud,
     VisionPositionEstimate,
+    Wind,
+    WindCov,
 )
 
 
@@ -82,6 +84,21 @@ def _distance_sensor(m: Any) -> Inbound:
 
 def _gps_raw_int(m: Any) -> Inbound:
     return GpsRawInt(m.fix_type, m.h_acc, m.v_acc)
+
+
+def _wind(m: Any) -> Inbound:
+    return Wind(m.direction, m.speed)
+
+
+def _wind_cov(m: Any) -> Inbound:
+    return WindCov(
+        time_usec=m.time_usec,
+        wind_x=m.wind_x,
+        wind_y=m.wind_y,
+        wind_z=m.wind_z,
+        horiz_accuracy=m.horiz_accuracy,
+        vert_accuracy=m.vert_accuracy,
+    )
 
 
 def _ekf_status_report(m: Any) -> Inbound:
@@ -189,6 +206,8 @@ INBOUND: Final[dict[int, Callable[[Any], Inbound]]] = {
     dialect.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
     dialect.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
     dialect.MAVLINK_MSG_ID_GPS_RAW_INT: _gps_raw_int,
+    dialect.MAVLINK_MSG_ID_WIND: _wind,
+    dialect.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
     dialect.MAVLINK_MSG_ID_DISTANCE_SENSOR: _distance_sensor,
     dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT: _ekf_status_report,
     dialect.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _estimator_status,

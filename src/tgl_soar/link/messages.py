@@ -104,12 +104,13 @@ ID_DISTANCE_SENSOR: Final = 132
 ID_EKF_STATUS_REPORT: Final = 193
 ID_ESTIMATOR_STATUS: Final = 230
 ID_ODOMETRY: Final = 331
+ID_WIND: Final = 168
+ID_WIND_COV: Final = 231  # sent, too
 
 # Numbers of messages that we send, for stations that ask for them
 ID_HEARTBEAT: Final = 0
 ID_NAV_CONTROLLER_OUTPUT: Final = 62
 ID_AUTOPILOT_VERSION: Final = 148
-ID_WIND_COV: Final = 231
 ID_HOME_POSITION: Final = 242
 ID_MESSAGE_INTERVAL: Final = 244
 ID_NAMED_VALUE_FLOAT: Final = 251
@@ -396,6 +397,11 @@ class NavControllerOutput(NamedTuple):
     xtrack_error: float  # [m]
 
 
+class Wind(NamedTuple):
+    direction: float  # that it blows from [deg]
+    speed: float  # horizontal [m/s]
+
+
 class WindCov(NamedTuple):
     time_usec: int  # [us]
     wind_x: float  # north [m/s]
@@ -523,6 +529,8 @@ Inbound: TypeAlias = (
     | EstimatorStatus
     | DistanceSensor
     | GpsRawInt
+    | Wind
+    | WindCov
     | ServoOutputRaw
     | CommandLong
     | CommandInt

@@ -47,6 +47,8 @@ from tgl_soar.link.messages import (
     Timesync,
     VfrHud,
     VisionPositionEstimate,
+    Wind,
+    WindCov,
 )
 from tgl_soar.link.mission import MissionReading
 from tgl_soar.link.presence import Presence
@@ -54,6 +56,7 @@ from tgl_soar.link.sources import PositionSources
 from tgl_soar.link.stream_requests import StreamRequests
 from tgl_soar.link.tangent_plane import Home
 from tgl_soar.link.timesync import RoundTrip
+from tgl_soar.link.vehicle.autopilot_wind import AutopilotWind
 from tgl_soar.link.vehicle.diagnostics import Ledger, SessionCounters
 from tgl_soar.link.vehicle.estimator_status import EstimatorAids
 from tgl_soar.link.vehicle.gnss_accuracy import GnssAccuracy
@@ -120,6 +123,7 @@ class Session:
         self._aids = EstimatorAids(ledger)
         satellites = options.needs is not None and options.needs.gps
         self.receiver = GnssAccuracy(ledger, counts=satellites)
+        self.wind = AutopilotWind(flavour.sensors.wind, ledger)
         self._positions = PositionSamples(
             self.sources,
             options.home,
@@ -250,6 +254,7 @@ class Session:
         self.mission.restart()
         self._aids.rebase(now_s)
         self.receiver.restarted()
+        self.wind.restarted()
         self.vehicle.rebase(now_s)
 
     def _autopilot_restarted(self, now_s: float) -> None:
@@ -257,6 +262,7 @@ class Session:
         self.vehicle.restarted()
         self._aids.restarted()
         self.receiver.restarted()
+        self.wind.restarted()
         self._heartbeat_due_s = now_s
         self.streams.restart()
         self.round_trip.restart()
@@ -295,6 +301,8 @@ class Session:
             self._aids.on_status(message, now_s)
         elif isinstance(message, GpsRawInt):
             self.receiver.take(message, now_s)
+        elif isinstance(message, Wind | WindCov):
+            self.wind.take(message, now_s)
         elif isinstance(message, Heartbeat):
             self.vehicle.on_heartbeat(message, now_s)
         elif isinstance(message, ParamValue):
@@ -348,6 +356,8 @@ _MEASUREMENTS: Final = (
     ServoOutputRaw,
     DistanceSensor,
     GpsRawInt,
+    Wind,
+    WindCov,
     EkfStatusReport,
     EstimatorStatus,
 )

@@ -10,6 +10,10 @@ waits for anybody; a firmware that does not take the landing leaves the module t
     home     an ArduPlane that is not LAUNCHED_M over its home, and slower than 5 m/s over the
              ground, takes itself for one that was not launched yet, and lands nothing: it is not
              asked either
+    wind     an estimator that began while the aircraft hovered may have the wind from the wrong
+             side: hovering, airspeed and a side slip of zero fit a wind from ahead and one from
+             behind alike (PX4's EKF2, docs/outdoors.md).  By that wind its modes turn downwind, so
+             it is not asked; and it is reported while there is time
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
     check    the item that it flies: a mission's mode may be anywhere in it.  Where the autopilot
              restarts meanwhile, or our clock is set, that starts again, by the mission as it was
@@ -25,8 +29,8 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.site import HomePosition
-from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, READY, RELEASED, STANDBY
-from tgl_soar.geometry import soaring_from_ned
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, READY, RELEASED, SOARING, STANDBY
+from tgl_soar.geometry import ned_vector_from_soaring, soaring_from_ned
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_MISSION, MODE_RETURN
 from tgl_soar.link.messages import (
@@ -46,6 +50,7 @@ from tgl_soar.link.tangent_plane import Home, TangentPlane
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
+from tgl_soar.types import INFINITE
 
 BY_MISSION: Final = 1
 BY_RETURN: Final = 2
@@ -59,6 +64,10 @@ NO_PARAMS: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 # The height left is that of the landing place; whether it reaches another one nobody has asked.
 ELSEWHERE_M: Final = 10.0
 LAUNCHED_M: Final = 10.0  # ArduPlane 4.6: below it its loop of speed and height does not run
+# Of its wind against ours, along ours: beyond the noise of an estimate that is about nothing yet.
+# The wrong solution is the mirrored wind, which is as fast as the aircraft hovers.
+AGAINST_MPS: Final = 2.0
+WINDY_MPS: Final = 4.0  # ours: below it neither has a side
 CHECK_S: Final = 3.0  # three requests and their answers
 LATE_S: Final = 2.0  # after asking: a heartbeat a second, and the time to change the mode
 
@@ -78,6 +87,7 @@ class FirmwareLanding:
         self._mode = -1
         self._unfit: str | None = None  # why the mission does not land there; None: not known yet
         self._reported = False  # that we land, on this way home
+        self._wind_reported = False  # since LND_BY was set
         self._handed_over_s = float("nan")  # since then the item is looked for
         self._checked_s = float("-inf")  # it was asked for last
         self._currents = 0  # MISSION_CURRENT that had come by then
@@ -105,13 +115,17 @@ class FirmwareLanding:
         self._begin_again(output)
         self._read(by, output, known=by in modes)
         self._check(output)
+        if by in modes and output.mode == SOARING:
+            self._report_wind(output)
         if output.mode != LANDING or by not in modes:
             self._ended(output, by)
             return
-        if by == BY_MISSION and self._unfit == "" and self._tries == 0:
-            self._unfit = self._too_near_home(output)
-        if by == BY_MISSION and self._unfit != "":
-            if self._unfit is not None and not self._reported:
+        if self._tries == 0 and not self._unfit:
+            if by == BY_MISSION and self._unfit == "":
+                self._unfit = self._too_near_home(output)
+            self._unfit = self._unfit or self._wrong_wind(output) or self._unfit
+        if self._unfit or (by == BY_MISSION and self._unfit is None):
+            if self._unfit and not self._reported:
                 self._reported = True
                 self._outbox.tell(SEVERITY_WARNING, f"{self._unfit}: we land")
             return
@@ -147,6 +161,10 @@ class FirmwareLanding:
         breaks_off = output.mode in (BREAKING_OFF, LANDING)
         begins = breaks_off and self._mode not in (BREAKING_OFF, LANDING)
         self._mode = output.mode
+        if by != self._by:
+            self._wind_reported = False
+            if known:
+                self._session.wind.want()
         if by != self._by or begins:
             self._unfit, self._reported = None, False
             if by and not known:  # of a file: an operator is refused it
@@ -204,6 +222,27 @@ class FirmwareLanding:
             f"its home is {over_m:.0f} m below us, and within {LAUNCHED_M:.0f} m of that it takes"
             " itself for not launched"
         )
+
+    def _report_wind(self, output: Output) -> None:
+        """While there is time: once, until LND_BY is set again."""
+        wrong = "" if self._wind_reported else self._wrong_wind(output)
+        if wrong:
+            self._wind_reported = True
+            text = f"of the autopilot: {wrong}; its own modes fly downwind"
+            self._outbox.tell(SEVERITY_WARNING, text)
+
+    def _wrong_wind(self, output: Output) -> str:
+        """What is wrong with the autopilot's wind; "": nothing, or it is not known."""
+        air, frame = output.air, self._setup.frame
+        north, east, _ = ned_vector_from_soaring(frame, air.wind_mps, air.cross_wind_mps, 0.0)
+        north_theirs, east_theirs = self._session.wind.known(output.time_s)
+        ours = hypot(north, east)
+        if not ours >= WINDY_MPS:  # true for NaN
+            return ""
+        along = (north * north_theirs + east * east_theirs) / ours
+        if not -INFINITE < along < -AGAINST_MPS:  # true for NaN
+            return ""
+        return f"its wind is {-along:.0f} m/s from the wrong side"
 
     def _place(
         self,

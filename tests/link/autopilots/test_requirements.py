@@ -137,6 +137,7 @@ PX4 = (
     Row("COM_FLT_TIME_MAX", (0, -1), (1, 600)),
     Row("MAV_0_FORWARD", (1,), (0,), SHOULD),
     Row("MAV_1_FORWARD", (1,), (0,), SHOULD),
+    Row("EKF2_FUSE_BETA", (0,), (1,), SHOULD),
 )
 BY_OFFBOARD = (
     Row("COM_OF_LOSS_T", (0.3, 0.5, 1.0), (1.5, 2.0)),

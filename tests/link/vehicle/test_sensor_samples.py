@@ -57,7 +57,13 @@ ALL_UPDATED = 0x1FFF
 class Px4Like(ArduPilot):
     """Whose HIGHRES_IMU has the pitot's pressure."""
 
-    sensors = SensorMessages((105,), Wanted(74, "VFR_HUD", 20.0), pitot_in_imu=True, estimator=None)
+    sensors = SensorMessages(
+        imu=(105,),
+        airspeed=Wanted(74, "VFR_HUD", 20.0),
+        pitot_in_imu=True,
+        estimator=None,
+        wind=None,
+    )
 
 
 def session(flavour: type[ArduPilot] = ArduPilot, **options: Any) -> Session:

@@ -41,6 +41,7 @@ from tgl_soar.link.messages import (
     ID_RAW_IMU,
     ID_SCALED_IMU,
     ID_VFR_HUD,
+    ID_WIND,
     IGNORE_RATES,
     IGNORE_THRUST,
     MODE_FLAG_CUSTOM_MODE,
@@ -173,6 +174,7 @@ class ArduPilot:
         airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
         pitot_in_imu=False,
         estimator=Wanted(ID_EKF_STATUS_REPORT, "EKF_STATUS_REPORT", 5.0),
+        wind=Wanted(ID_WIND, "WIND", 1.0),
     )
 
     def __init__(

@@ -91,6 +91,8 @@ class SensorMessages(NamedTuple):
     pitot_in_imu: bool  # HIGHRES_IMU.diff_pressure is that of a pitot tube
     # What its estimator says of its own position (`vehicle.estimator_status`); None: nothing.
     estimator: Wanted | None
+    # The wind that its own modes reckon with (`vehicle.autopilot_wind`); None: nothing.
+    wind: Wanted | None
 
 
 class CommandRoute(NamedTuple):

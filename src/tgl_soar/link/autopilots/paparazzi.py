@@ -76,6 +76,7 @@ class Paparazzi:
         airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
         pitot_in_imu=False,
         estimator=None,
+        wind=None,
     )
 
     def __init__(

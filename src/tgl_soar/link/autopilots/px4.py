@@ -33,6 +33,7 @@ from tgl_soar.link.messages import (
     ID_ESTIMATOR_STATUS,
     ID_HIGHRES_IMU,
     ID_VFR_HUD,
+    ID_WIND_COV,
     IGNORE_RATES,
     IGNORE_THRUST,
     MODE_FLAG_CUSTOM_MODE,
@@ -119,6 +120,12 @@ HOVER: Final = (
     need("COM_WIND_MAX_ACT", "at most", 1,
          "wind is what soars: it must not fly home without a propeller for it"),
     need(
+        "EKF2_FUSE_BETA", "is", 0,
+        "while it hovers, a side slip of zero fits a wind from behind as well, and by that its own"
+        " modes turn downwind",
+        SHOULD,
+    ),
+    need(
         "MAV_0_FORWARD", "is", 1,
         "ground stations reach the module through the autopilot", SHOULD,
     ),
@@ -194,6 +201,7 @@ class Px4:
         airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
         pitot_in_imu=True,
         estimator=Wanted(ID_ESTIMATOR_STATUS, "ESTIMATOR_STATUS", 5.0),
+        wind=Wanted(ID_WIND_COV, "WIND_COV", 1.0),
     )
 
     def __init__(

@@ -302,6 +302,7 @@ BENCH: Final[Mapping[str, float]] = {
     "COM_FLTMODE1": 0,  # Manual
     "COM_FLTMODE6": 8,  # Stabilized
     "EKF2_GPS_DELAY": 100,
+    "EKF2_FUSE_BETA": 0,
 }
 POSE_PARAMETERS: Final[Mapping[str, float]] = {
     "SYS_HAS_GPS": 0,
