@@ -52,3 +52,41 @@ def test_the_rows_of_measurements_that_it_quotes_are_there(page: Path) -> None:
     """Figures move with the computer; the rows that a reader is sent to must not."""
     quoted = re.findall(r'"([^"]+)"', re.sub(r"\s+", " ", text_of(page)))
     assert [row for row in quoted if row.rstrip("… ") not in PERFORMANCE] == []
+
+
+# What a decision says, and the row and column of docs/performance.md that it is, within what
+# another run on another day may give.
+QUOTED = (
+    ("compiled-replay", r'one process" takes ([\d.]+) µs', "replay of a tick, one process", 1),
+    ("compiled-replay", r'compiled before" ([\d.]+) µs', "replay of a tick, laws compiled", 1),
+    ("compiled-replay", r"native tick takes some ([\d.]+) µs", "a tick, all of it, p50", 1),
+    ("compilers", r"a tick takes some ([\d.]+) µs \(", "a tick, all of it, p50", 2),
+    ("compilers", r"With mypyc a tick takes some ([\d.]+) µs", "a tick, all of it, p50", 1),
+    ("compilers", r"runs at some ([\d.]+) × real time \(", "closed loop, nothing compiled", 1),
+    ("compilers", r"runs at some ([\d,]+) × real time", "closed loop, all compiled", 1),
+    ("pymavlink", r"takes some ([\d.]+) µs against", "reading ATTITUDE_QUATERNION", 1),
+    ("pymavlink", r"against pymavlink's ([\d.]+);", "reading ATTITUDE_QUATERNION", 2),
+    ("pymavlink", r'p50" some ([\d.]+) µs', "sensor to surface, UDP, p50", 1),
+    ("two-processes", r"released ([\d.]+) ms", "surfaces released after: kill -9 of the fly", 1),
+    ("two-processes", r"and ([\d.]+) ms", "surfaces released after: kill -9 of the watch", 1),
+    ("ulog", r"is some ([\d.]+) µs", "what the flight log adds to a tick", 1),
+    ("natnet", r"takes some ([\d.]+) µs", "a NatNet 3.1 frame, 50 bodies, 500 markers", 1),
+)
+
+
+@pytest.mark.parametrize(("page", "words", "row", "column"), QUOTED)
+def test_a_figure_that_a_decision_quotes_is_that_of_its_row(
+    page: str, words: str, row: str, column: int
+) -> None:
+    text = re.sub(r"\s+", " ", text_of(FOLDER / f"{page}.md"))
+    interpreted = "the same, interpreted" if column == 2 and row.startswith("a tick") else ""
+    cells = next(
+        line.split("|")[1:]
+        for line in PERFORMANCE.splitlines()
+        if line.startswith(f"| {row}") and interpreted in line
+    )
+    said = re.search(words, text)
+    assert said
+    assert float(said[1].replace(",", "")) == pytest.approx(
+        float(cells[column].split()[0]), rel=0.25
+    )
