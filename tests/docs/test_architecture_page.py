@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from tgl_soar.control.supervisor import TRANSITIONS
 from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.onboard import native, realtime, watchdog
 from tgl_soar.onboard.surface_control import RELEASE_FRAMES
+from tgl_soar.sim.world_step import world_step
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "tgl_soar"
@@ -89,6 +91,18 @@ def test_the_modes_change_as_in_the_supervisors_table() -> None:
 def test_every_mode_has_its_branch_in_the_tick() -> None:
     branches = re.findall(r'decide -- "(.*?)"', diagram("One tick"))
     assert sorted(", ".join(branches).split(", ")) == sorted(MODE_NAMES)
+
+
+def test_a_step_of_the_world_is_drawn_in_the_order_of_its_calls() -> None:
+    drawn = diagram("One step of the world")
+    boxes = dict(re.findall(r'(?m)^    (\w+)\["(.*?)"\]', drawn))
+    (chain,) = re.findall(r"(?m)^    (\w+(?: --> \w+)+)$", drawn)
+    called = [re.search(r"(\w+)\(\)", boxes[name]) for name in chain.split(" --> ")[1:]]
+    source = inspect.getsource(world_step)
+    found = [re.search(rf"\b{call[1]}\(", source) for call in called if call is not None]
+    places = [call.start() for call in found if call is not None]
+    assert len(places) == 7
+    assert places == sorted(places)
 
 
 def test_the_numbers_are_those_of_the_code() -> None:

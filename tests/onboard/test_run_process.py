@@ -22,8 +22,12 @@ from tgl_soar.onboard.process import EXIT_NO_AUTOPILOT, EXIT_OK
 HEAVY = ("numpy", "scipy", "matplotlib", "rich", "typer", "pymavlink.mavutil", "serial", "pyulog")
 
 
-def test_the_flying_process_loads_nothing_that_does_not_fly() -> None:
-    code = "import sys, tgl_soar.onboard.process; print(*sorted(sys.modules))"
+def test_the_command_that_flies_loads_nothing_that_does_not_fly() -> None:
+    """`tgl-soar run`, up to its first look at the airframe file."""
+    code = "import sys\nfrom tgl_soar.cli.__main__ import main\n"
+    code += "sys.argv[1:] = 'run --airframe no --site no --link udp:127.0.0.1:1'.split()\n"
+    code += "try:\n    main()\nexcept SystemExit as end:\n    assert end.code, end\n"
+    code += "print(*sorted(sys.modules))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

@@ -1,4 +1,4 @@
-"""One step of the world: air, turbulence, servos, aircraft, tether and sensors, in this order.
+"""One step of the world: servos, turbulence, propeller, aircraft, tether, ground, then sensors.
 
 Plain Python runs these functions as they are (`sim.world`), numba compiles them
 (`sim.compiled_flight`): a flight is the same to the last bits of sines and logarithms.  Three

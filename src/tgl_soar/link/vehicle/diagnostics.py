@@ -18,8 +18,6 @@ class SessionCounters:
     stale: int = 0  # repeated or out of order
     other_clock: int = 0  # stamped by another clock than the autopilot's, or while two are used
     not_finite: int = 0
-    imus: int = 0  # taken
-    airspeeds: int = 0  # taken
     ranges: int = 0  # taken
     no_range: int = 0  # of a rangefinder: out of its reach, no valid signal, or not looking down
     no_measurement: int = 0  # of accelerations or airspeed that cannot be

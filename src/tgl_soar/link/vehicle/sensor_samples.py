@@ -138,7 +138,6 @@ class SensorSamples:
             self._counters.no_measurement += 1
         elif self._imu_choice.selects(message_id, now_s):
             (x, y, z), (p, q, r) = measured
-            self._counters.imus += 1
             self.imu = ImuSample(
                 sequence=self.imu.sequence + 1,
                 time_s=times[0],
@@ -198,7 +197,6 @@ class SensorSamples:
 
     def _set_airspeed(self, airspeed_mps: float | None, time_s: float) -> None:
         if airspeed_mps is not None:
-            self._counters.airspeeds += 1
             self.airspeed = AirspeedSample(self.airspeed.sequence + 1, time_s, airspeed_mps)
 
     def _set_attitude(
