@@ -27,7 +27,8 @@ PACKAGE = "tgl_soar"
 TABLE: dict[str, set[str]] = {
     "types": set(),
     "geometry": {"types"},
-    "config.parameters": {"types"},
+    "config.parameter_rules": set(),
+    "config.parameters": {"types", "config.parameter_rules"},
     "config.line_changes": {"config.parameters"},
     "config.lateral_dynamics": set(),
     "config": {"config.line_changes", "config.lateral_dynamics", "geometry"},
@@ -472,4 +473,5 @@ def test_the_tick_loads_no_heavy_package() -> None:
     ours = {name for name in run.stdout.split() if name.startswith("tgl_soar.")}
     units = {name.split(".")[1] for name in ours}
     assert units == {"autopilot", "config", "control", "estimation", "geometry", "types"}
-    assert {name for name in ours if ".config." in name} == {"tgl_soar.config.parameters"}
+    declared = {"tgl_soar.config.parameters", "tgl_soar.config.parameter_rules"}
+    assert {name for name in ours if ".config." in name} == declared

@@ -80,7 +80,7 @@ def test_run_and_bridge_know_them(capsys: pytest.CaptureFixture[str]) -> None:
     given = ["--airframe", "eclipson_c", "--site", "hill"]
     parsed = command_line.parsed(given)
     assert (parsed.airframe, parsed.site) == (airframe_file("eclipson_c"), site_file("hill"))
-    assert process.main([*given, "--link", "no:link", "--no-guard"]) == process.EXIT_CANNOT_START
+    assert process.main([*given, "--link", "no:link", "--no-watchdog"]) == process.EXIT_CANNOT_START
     reported = capsys.readouterr().err
     assert "no:link" in reported  # the files were read
     assert "known by name" not in reported

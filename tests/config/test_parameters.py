@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.line_changes import LineChanges
+from tgl_soar.config.parameter_rules import RECOVERY_MIN_S
 from tgl_soar.config.parameters import (
     INDEX,
     PARAMETERS,
-    RECOVERY_MIN_S,
     Parameter,
     ParameterError,
     ParameterSet,

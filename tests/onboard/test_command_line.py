@@ -50,7 +50,7 @@ def test_without_options_it_flies_guarded_and_keeps_parameters_and_logs(home: Pa
         links=(LINK,),
         state=home / "tgl_soar",
         log=home / "tgl_soar/logs",
-        guarded=True,
+        watched=True,
     )._replace(airframe=found.airframe, site=found.site)
     assert Path(found.airframe) == AIRFRAME
     assert Path(found.site) == SITE
@@ -63,7 +63,7 @@ def test_without_options_it_flies_guarded_and_keeps_parameters_and_logs(home: Pa
 def test_who_flies_without_a_command_line_asks_for_nothing_but_the_flight() -> None:
     """Nothing is stored, watched or given up."""
     found = RunOptions(airframe="a", site="s", links=())
-    assert (found.lockstep, found.guarded, found.state, found.log) == (False, False, None, None)
+    assert (found.lockstep, found.watched, found.state, found.log) == (False, False, None, None)
     assert found.log_bytes == GIGABYTE
     assert not realtime.RealtimeOptions().power_saving
 
@@ -93,9 +93,9 @@ def test_links_stand_in_the_order_in_which_they_are_given() -> None:
         (("--lockstep",), "lockstep", True),
         (("--timeout", "7.5"), "timeout_s", 7.5),
         (("--mocap-server", "10.0.0.2:1510"), "mocap_server", "10.0.0.2:1510"),
-        (("--no-guard",), "guarded", False),
-        (("--lockstep",), "guarded", False),  # a simulation is hung up as it likes
-        (("--interpreted",), "guarded", True),  # which the caller looks at
+        (("--no-watchdog",), "watched", False),
+        (("--lockstep",), "watched", False),  # a simulation is hung up as it likes
+        (("--interpreted",), "watched", True),  # which the caller looks at
         (("--log-max", "10"), "log_bytes", 10 * MEGABYTE),
         (("--log-max", "1500.5"), "log_bytes", 1_500_500_000),
     ],
@@ -229,7 +229,7 @@ def test_the_help_names_every_option_and_its_default(capsys: pytest.CaptureFixtu
     for option in (
         "--airframe", "--site", "--link", "--lockstep", "--timeout", "--signing-key",
         "--unsigned-autopilot", "--allow-setup-signing", "--state", "--log", "--log-max",
-        "--no-guard", "--cpu", "--spin", "--power-saving", "--mocap-server", "--interpreted",
+        "--no-watchdog", "--cpu", "--spin", "--power-saving", "--mocap-server", "--interpreted",
     ):  # fmt: skip
         assert f"{option} " in words
     assert "Default: 1000" in words  # megabytes

@@ -156,7 +156,7 @@ class Process:
     def fly(self, became: str = "", heartbeat: Any = None, **named: Any) -> int:
         """As the watchdog starts it."""
         self.watched = (heartbeat, became)
-        return self.run(guarded=True, **named)
+        return self.run(watched=True, **named)
 
     def _watch(self, child: Any, _release: Any, _say: Any) -> int:
         code: int = child(*self.watched)
@@ -258,7 +258,7 @@ def test_a_search_that_cannot_be_started_is_said_and_flown_without(flown: Proces
     assert flown.given["module"][3].search is None
 
 
-# --- what it is guarded by ------------------------------------------------------------------------
+# --- what it is watched by ------------------------------------------------------------------------
 
 
 def test_guarded_it_flies_in_a_child_that_is_watched_from_above_its_priority(
@@ -267,10 +267,10 @@ def test_guarded_it_flies_in_a_child_that_is_watched_from_above_its_priority(
     raised: list[bool] = []
     monkeypatch.setattr(realtime, "raise_priority", lambda: raised.append(True))
     monkeypatch.setattr(watchdog, "watch", lambda _child, _release, say: 40 + (say == flown.say))
-    assert flown.run(guarded=True) == 41
+    assert flown.run(watched=True) == 41
     assert raised == [True]
     assert "flown" not in flown.done
-    assert flown.run(guarded=False) == 0
+    assert flown.run(watched=False) == 0
     assert raised == [True]
 
 
@@ -561,7 +561,7 @@ def test_the_log_of_a_restarted_process_has_the_files_that_are_flown(
         return child(None, "was killed")
 
     monkeypatch.setattr(watchdog, "watch", restart)
-    flown.run(site=site, guarded=True, log=tmp_path)
+    flown.run(site=site, watched=True, log=tmp_path)
     assert flown.given["log"][1].texts == {
         "airframe": AIRFRAME.read_text(),
         "site": SITE.read_text(),

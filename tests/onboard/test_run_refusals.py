@@ -23,7 +23,7 @@ def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         link = f"udp:127.0.0.1:{other.getsockname()[1]}"
-        assert main(arguments(link, "--no-guard")) == EXIT_LINK_NOT_READY
+        assert main(arguments(link, "--no-watchdog")) == EXIT_LINK_NOT_READY
     assert "is in use" in capsys.readouterr().err
 
 
@@ -40,7 +40,7 @@ def test_a_key_that_others_can_read_is_refused(
     key.write_bytes(bytes(range(32)))
     key.chmod(0o644)
     assert (
-        main(arguments("udp:127.0.0.1:1", "--no-guard", "--signing-key", str(key)))
+        main(arguments("udp:127.0.0.1:1", "--no-watchdog", "--signing-key", str(key)))
         == EXIT_CANNOT_START
     )
     assert "others may read" in capsys.readouterr().err
@@ -51,7 +51,7 @@ def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
 ) -> None:
     key = "k" * 300  # no name of a file is so long
     signing = ("--signing-key", key, "--allow-setup-signing")
-    assert main(arguments("udp:127.0.0.1:1", "--no-guard", *signing)) == EXIT_CANNOT_START
+    assert main(arguments("udp:127.0.0.1:1", "--no-watchdog", *signing)) == EXIT_CANNOT_START
     assert f"{key}: cannot be read: File name too long" in capsys.readouterr().err
 
 
@@ -62,7 +62,7 @@ def test_a_model_in_part_is_said_as_then_nothing_is_foreseen(
     airframe = tmp_path / "airframe.toml"
     lines = AIRFRAME.read_text().splitlines(keepends=True)
     airframe.write_text("".join(x for x in lines if not (lacks and x.startswith(f"{lacks} "))))
-    files = ["--airframe", str(airframe), "--site", str(SITE), "--state", "none", "--no-guard"]
+    files = ["--airframe", str(airframe), "--site", str(SITE), "--state", "none", "--no-watchdog"]
     ends = ["--link", "udpout:127.0.0.1:9", "--lockstep", "--timeout", "0.1"]
     assert main([*files, *ends]) == EXIT_NO_AUTOPILOT
     words = f"[model] has no {lacks}: so the air is not estimated, and nothing is foreseen"

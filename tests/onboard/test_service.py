@@ -61,7 +61,7 @@ def test_it_starts_a_command_that_there_is(capsys: pytest.CaptureFixture[str]) -
     (example,) = re.findall(r'^# FLIGHT="(.*)"$', TEXT, re.MULTILINE)
     program, run, *options = shlex.split(setting("ExecStart").replace("$FLIGHT", example))
     assert (program, run) == ("/opt/tgl_soar/bin/tgl-soar", "run")
-    assert main([*options, "--no-guard"]) == EXIT_CANNOT_START  # and not: unknown option
+    assert main([*options, "--no-watchdog"]) == EXIT_CANNOT_START  # and not: unknown option
     assert "/etc/tgl_soar/my_airframe.toml" in capsys.readouterr().err
 
 
@@ -70,7 +70,7 @@ def test_a_device_that_is_not_there_yet_does_not_end_the_service_for_good(
 ) -> None:
     """A USB line that is enumerated later than the service is started."""
     missing = tmp_path / "ttyUSB0"
-    given = ["--airframe", "eclipson_c", "--site", "hill", "--state", "none", "--no-guard"]
+    given = ["--airframe", "eclipson_c", "--site", "hill", "--state", "none", "--no-watchdog"]
     assert main([*given, "--link", f"serial:{missing}:921600"]) == EXIT_LINK_NOT_READY
     assert f"there is no {missing}" in capsys.readouterr().err
     assert setting("Restart") == "always"

@@ -20,9 +20,9 @@ FILES += ["--site", ROOT / "config/sites/tunnel.toml"]
 
 
 @pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
-@pytest.mark.parametrize("guarded", [True, False])
+@pytest.mark.parametrize("watched", [True, False])
 def test_no_words_for_the_console_go_into_the_serial_line(
-    closed: str, guarded: bool, tmp_path: Path
+    closed: str, watched: bool, tmp_path: Path
 ) -> None:
     far, near = pty.openpty()
     tty.setraw(near)
@@ -31,7 +31,7 @@ def test_no_words_for_the_console_go_into_the_serial_line(
     os.set_blocking(far, False)
     flight = [sys.executable, "-m", "tgl_soar.cli", "run", *map(str, FILES), "--state", "none"]
     flight += ["--link", f"serial:{device}", "--timeout", "0.3"]
-    flight += [] if guarded else ["--no-guard"]
+    flight += [] if watched else ["--no-watchdog"]
     line = f"{shlex.join(flight)} {closed}"
     ended = subprocess.run(["/bin/sh", "-c", line], timeout=60.0, check=False)
     try:

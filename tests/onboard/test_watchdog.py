@@ -198,7 +198,7 @@ def test_a_link_that_worked_before_is_tried_again(
     monkeypatch.setattr("tgl_soar.onboard.realtime.raise_priority", lambda: None)
     link = "serial:/dev/there_is_none:57600"
     assert (
-        process.run(RunOptions(airframe=AIRFRAME, site=SITE, links=(link,), guarded=True)) == code
+        process.run(RunOptions(airframe=AIRFRAME, site=SITE, links=(link,), watched=True)) == code
     )
     assert "there_is_none" in capsys.readouterr().err
 

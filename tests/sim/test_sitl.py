@@ -231,7 +231,7 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
     ]
     run = [sys.executable, "-m", "tgl_soar.cli", "run", *files]
     # Unguarded, as when the whole computer has died.
-    module = [*run, "--link", f"udp:{companion}", "--state", "none", "--no-guard"]
+    module = [*run, "--link", f"udp:{companion}", "--state", "none", "--no-watchdog"]
     with process(bridge, tmp_path / "bridge.log") as world:
         with process(module, tmp_path / "module.log") as flying:
             assert station.listen(lambda s: s.module_heartbeats > 1, PATIENCE_S)

@@ -1,7 +1,8 @@
 """Airframe and site files, every parameter declared once, their files and store.
 
 Parameters
-  parameters           every one, declared: name, unit, range, default, meaning; rules between them
+  parameters           every one, declared: name, unit, range, default, meaning
+  parameter_rules      what they mean together: which values contradict each other
   parameter_groups     by topic;  parameter_files: ground stations' files
   parameter_store      changed over the air, kept over a restart
   line_changes         setting the line: presets, staged moves, what is refused

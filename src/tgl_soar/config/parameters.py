@@ -17,6 +17,8 @@ from collections.abc import Iterator, Mapping
 from math import isfinite
 from typing import Final, NamedTuple
 
+from tgl_soar.config.parameter_rules import contradiction
+
 
 class Parameter(NamedTuple):
     """The declaration of one parameter."""
@@ -982,97 +984,11 @@ def _checked(parameter: Parameter, value: float, flying: bool) -> float:
 
 def _check_together(values: ParameterSet, changes: Mapping[str, float]) -> None:
     """Raise if two parameters contradict each other, blaming one that was changed."""
-
-    def blame(candidates: tuple[str, ...], reason: str) -> ParameterError:
-        name, *others = sorted(candidates, key=lambda candidate: candidate not in changes)
-        told = ", ".join(f"{other} = {values[other]:g}" for other in others)
-        reason = reason if any(map(str.isdigit, reason)) else f"{reason} ({told})"
-        return ParameterError(name, f"{values[name]:g}", reason)
-
-    lean, lean_min, lean_max = values["TGL_LEAN"], values["TGL_LEAN_MIN"], values["TGL_LEAN_MAX"]
-    if lean_min > lean_max:
-        raise blame(("TGL_LEAN_MIN", "TGL_LEAN_MAX"), "TGL_LEAN_MIN is above TGL_LEAN_MAX")
-    if lean < lean_min:
-        raise blame(
-            ("TGL_LEAN", "TGL_LEAN_MIN"),
-            f"the line must lean upwind by {lean_min:g} deg or more (TGL_LEAN_MIN):"
-            " one that leans less cannot be flown well",
-        )
-    if lean > lean_max:
-        raise blame(
-            ("TGL_LEAN", "TGL_LEAN_MAX"),
-            f"the line must lean by {lean_max:g} deg or less (TGL_LEAN_MAX):"
-            " the nearer it is to the horizontal, the less e_rho says of the position",
-        )
-    pitch_min, pitch_trim, pitch_max = (values[f"PITCH_{n}"] for n in ("MIN", "TRIM", "MAX"))
-    if not pitch_min < pitch_max:
-        raise blame(("PITCH_MIN", "PITCH_MAX"), "PITCH_MIN must be below PITCH_MAX")
-    if not pitch_min <= pitch_trim <= pitch_max:
-        raise blame(
-            ("PITCH_TRIM", "PITCH_MIN", "PITCH_MAX"),
-            "PITCH_TRIM must lie between PITCH_MIN and PITCH_MAX",
-        )
-    if (contradiction := _recovery_contradiction(values)) is not None:
-        raise blame(*contradiction)
-    if values["OP_RC_OFF"] >= values["OP_RC_ON"]:
-        raise blame(("OP_RC_OFF", "OP_RC_ON"), "OP_RC_OFF must be below OP_RC_ON")
-    if values["EST_DELAY"] >= values["AGE_POS_HOLD"]:
-        raise blame(
-            ("EST_DELAY", "AGE_POS_HOLD"),
-            "EST_DELAY must be below AGE_POS_HOLD, or every position is too old to fly with",
-        )
-    for low, high in (("FENCE_X_MIN", "FENCE_X_MAX"), ("FENCE_Z_MIN", "FENCE_Z_MAX")):
-        if not values[low] < values[high]:
-            raise blame((low, high), f"{low} must be below {high}")
-    for name in ("ELE_TRIM", "AIL_TRIM", "RUD_TRIM"):
-        if abs(values[name]) > values["SURF_MAX"]:
-            raise blame((name, "SURF_MAX"), f"{name} must lie within SURF_MAX")
-    if values["AGE_POS_HOLD"] > values["AGE_POS_MAX"]:
-        raise blame(("AGE_POS_HOLD", "AGE_POS_MAX"), "AGE_POS_HOLD is above AGE_POS_MAX")
-
-
-RECOVERY_MIN_S: Final = 0.3  # so long must trouble be over before recovering may end
-
-
-def _recovery_contradiction(values: ParameterSet) -> tuple[tuple[str, ...], str] | None:
-    """Two parameters that leave no way to recover, or that a law's own limit would end: whom to
-    blame, and why; None where all agree.
-
-    Recovering puts the nose down to REC_PITCH, within the limits of every pitch setpoint, until
-    angle of attack, speed and height are safe again.  In a glide the flight path falls, so that
-    the angle of attack is larger than the pitch: a pitch at or above ALPHA_MAX is a stall.
-    """
-    pitch_min, pitch_trim = values["PITCH_MIN"], values["PITCH_TRIM"]
-    rec, alpha, tilt = values["REC_PITCH"], values["ALPHA_MAX"], values["TILT_MAX"]
-    if rec < pitch_min:
-        return ("REC_PITCH", "PITCH_MIN"), (
-            f"REC_PITCH = {rec:g} deg is below PITCH_MIN = {pitch_min:g} deg:"
-            " recovering could not put the nose down so far"
-        )
-    if rec > pitch_trim:
-        return ("REC_PITCH", "PITCH_TRIM"), (
-            f"REC_PITCH = {rec:g} deg is above PITCH_TRIM = {pitch_trim:g} deg:"
-            " recovering would raise the nose; set REC_PITCH to the best glide's or lower"
-        )
-    if pitch_trim >= alpha:
-        return ("PITCH_TRIM", "ALPHA_MAX"), (
-            f"PITCH_TRIM = {pitch_trim:g} deg must be below ALPHA_MAX = {alpha:g} deg:"
-            " on the line the angle of attack is larger than the pitch, and it would stall"
-        )
-    for name in ("PITCH_MIN", "PITCH_MAX", "BANK_MAX", "SIDE_BANK"):
-        if abs(values[name]) >= tilt:
-            return (name, "TILT_MAX"), (
-                f"{name} = {values[name]:g} deg must be within TILT_MAX = {tilt:g} deg:"
-                " flying it would end the flight as an upset"
-            )
-    if 0.0 < values["REC_TIME"] < as_wire_value(RECOVERY_MIN_S):
-        return ("REC_TIME",), (
-            f"must be 0, to hand over at once, or {RECOVERY_MIN_S:g} s and more:"
-            " so long must trouble be over before recovering ends"
-        )
-    if values["TGL_CAPTURE"] >= values["CAPTURE_MAX"]:
-        return ("TGL_CAPTURE", "CAPTURE_MAX"), (
-            f"TGL_CAPTURE = {values['TGL_CAPTURE']:g} m must be below CAPTURE_MAX ="
-            f" {values['CAPTURE_MAX']:g} m, beyond which the flight ends"
-        )
-    return None
+    found = contradiction(values)
+    if found is None:
+        return
+    candidates, reason = found
+    name, *others = sorted(candidates, key=lambda candidate: candidate not in changes)
+    reported = ", ".join(f"{other} = {values[other]:g}" for other in others)
+    reason = reason if any(map(str.isdigit, reason)) else f"{reason} ({reported})"
+    raise ParameterError(name, f"{values[name]:g}", reason)

@@ -31,7 +31,7 @@ class RunOptions(NamedTuple):
     log: Path | None = None  # the folder; None: no log is kept
     log_bytes: int = LARGEST_BYTES  # of all logs in it
     mocap_server: str = ""  # HOST[:PORT] instead of the site file's
-    guarded: bool = False  # in a child process, watched
+    watched: bool = False  # in a child process, by its parent, the watchdog
     realtime: realtime.RealtimeOptions = realtime.RealtimeOptions()
 
 
@@ -61,7 +61,7 @@ def options_of(arguments: Sequence[str] | None = None) -> RunOptions:
         log=_log_folder(given.log, state),
         log_bytes=given.log_max,
         mocap_server=given.mocap_server,
-        guarded=not given.no_guard and not given.lockstep,
+        watched=not given.no_watchdog and not given.lockstep,
         realtime=realtime.RealtimeOptions(
             given.cpu, 0.0 if sleeps else given.spin, given.power_saving
         ),
@@ -137,7 +137,7 @@ def _add_flight(add: Callable[..., Any]) -> None:
 def _add_computer(add: Callable[..., Any]) -> None:
     """What is asked of the computer, and of what stands beside it."""
     add(
-        "--no-guard",
+        "--no-watchdog",
         action="store_true",
         help="no watchdog process that releases the surfaces if this one is killed or hangs"
         " (in lockstep there is none)",

@@ -90,7 +90,7 @@ def run(options: RunOptions) -> int:
     """Fly until told to stop; the process's exit code.
 
     0: stopped by SIGINT, SIGTERM, SIGHUP or SIGQUIT; 2: configuration, key or link cannot be
-    used; 3: no autopilot answered within `timeout_s`, if that was given; 4: guarded, and it keeps
+    used; 3: no autopilot answered within `timeout_s`, if that was given; 4: watched, and it keeps
     dying; 5: what a link leads to is missing or busy, and may not be for long.
     """
     try:
@@ -110,7 +110,7 @@ def run(options: RunOptions) -> int:
     if whose := gains_words(airframe, site, parameters):
         say(whose)
     plan = RunPlan(options=options, airframe=airframe, site=site, setup=setup, texts=texts)
-    if options.guarded:
+    if options.watched:
         realtime.raise_priority()
         return watchdog.watch(partial(_run, plan), partial(hand_over, setup, options), say)
     return _run(plan)
