@@ -93,7 +93,8 @@ STAYS_ON_THE_GROUND = DOORS - FLIES
 
 # A law knows no clock, no file and no wire.
 PURE = {
-    "types", "geometry", "config.parameters", "config.line_changes", "config.lateral_dynamics",
+    "types", "geometry", "config.parameters", "config.parameter_rules", "config.line_changes",
+    "config.lateral_dynamics",
     "control", "control.laws",
     "control.conditions", "control.envelope_margins", "control.point", "control.estimates",
     "control.surface_loops", "control.launch_landing", "control.power",

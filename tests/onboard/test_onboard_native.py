@@ -34,7 +34,8 @@ STAYS = {
     ),
     "declares, or judges what is given before a flight or between two ticks": (
         "config.dynamics", "config.flown_gains", "config.glide_limits", "config.lateral_dynamics",
-        "config.lateral_gains", "config.line_changes", "config.parameters", "config.stall_limit",
+        "config.lateral_gains", "config.line_changes", "config.parameter_rules",
+        "config.parameters", "config.stall_limit",
         "control.lateral_margin", "control.line_bounds", "control.loop_margin",
         "control.search.glimpse", "control.supervisor_texts", "control.survey",
         "link.autopilots.aileron_brake_mixing", "link.autopilots.requirements", "link.messages",
