@@ -69,7 +69,7 @@ def test_a_row_of_the_log_has_these_columns_in_this_order() -> None:
     assert (
         *("time_s", "x_m", "y_m", "z_m", "velocity_x_mps", "velocity_y_mps", "climb_mps"),
         *("roll_rad", "pitch_rad", "heading_rad", "wind_x_mps", "wind_y_mps", "updraft_mps"),
-        *("airspeed_mps", "alpha_rad", "elevator", "aileron", "rudder", "brake"),
+        *("airspeed_mps", "alpha_rad", "elevator", "aileron", "rudder", "brake", "throttle"),
         *("mode", "flying", "overridden"),
     ) == LOG_COLUMNS
 

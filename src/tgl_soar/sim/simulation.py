@@ -54,6 +54,7 @@ LOG_COLUMNS: Final = (
     "aileron",
     "rudder",
     "brake",
+    "throttle",
     "mode",
     "flying",
     "overridden",
@@ -192,7 +193,7 @@ class SteppedWorld:
     def _log_row(self, time_s: float, mode: int, overridden: bool) -> None:
         """time_s: on the autopilot's clock."""
         if self._log is not None:
-            row = (time_s, *self.world.truth[1:])
+            row = (time_s, *self.world.truth[1:], self.world.throttle)
             self._log.add((*row, mode, self.flying, overridden))
 
 
