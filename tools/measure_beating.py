@@ -77,7 +77,7 @@ STOOD_S: Final = {"builtin": 4.0, "ardupilot": 26.0, "px4": 10.0}  # when its li
 NO_PITOT: Final = {
     "builtin": (),
     "ardupilot": ("ARSPD_TYPE=0",),
-    "px4": ("FW_USE_AIRSPD=0",),
+    "px4": ("FW_USE_AIRSPD=0", "SYS_HAS_NUM_ASPD=0"),  # else it does not arm
 }
 SEEDS: Final = (1, 2, 3)
 NEVER: Final = "–"

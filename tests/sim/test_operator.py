@@ -115,6 +115,28 @@ def test_where_it_is_told_to_it_waits_until_the_vehicle_is_armed() -> None:
     assert ("OP_ENGAGE", 1.0) in module.sets
 
 
+@pytest.mark.parametrize(
+    ("texts", "why"),
+    [
+        (["Preflight Fail: Airspeed invalid\t", "EKF3 active"], "Preflight Fail: Airspeed invalid"),
+        (["PreArm: RC not found", "PreArm: GPS 1: Bad fix"], "PreArm: GPS 1: Bad fix"),
+        (["a", "b", "c", "d"], "b; c; d"),
+        ([], "nothing"),
+    ],
+)
+def test_a_vehicle_that_is_never_armed_is_not_waited_for_for_ever(
+    texts: list[str], why: str
+) -> None:
+    operator = Operator([LEG], 1, 191, when_armed=True)
+    operator.telemetry.texts = texts
+    operator.telemetry.time_s = 180.0
+    operator.step(0.0)
+    operator.telemetry.time_s = 180.1
+    with pytest.raises(OperatorError, match=f"^not armed 180 s after its start: {why}$"):
+        operator.step(1.0)
+    Operator([LEG], 1, 191).step(1.0)  # one that need not be armed
+
+
 def test_a_lost_set_is_sent_again() -> None:
     operator = Operator([LEG], 1, 191)
     module = Module(operator)

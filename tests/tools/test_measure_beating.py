@@ -135,10 +135,11 @@ class Process:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "without"), [("ardupilot", "ARSPD_TYPE=0"), ("px4", "FW_USE_AIRSPD=0")]
+    ("autopilot", "without"),
+    [("ardupilot", ("ARSPD_TYPE=0",)), ("px4", ("FW_USE_AIRSPD=0", "SYS_HAS_NUM_ASPD=0"))],
 )
 def test_it_is_flown_in_the_wind_of_its_seed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autopilot: str, without: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autopilot: str, without: tuple[str, ...]
 ) -> None:
     process = Process(monkeypatch)
     how = Flown(autopilot, Path("firmware"), "attitude", pitot=False)
@@ -147,7 +148,7 @@ def test_it_is_flown_in_the_wind_of_its_seed(
     assert first.began_s == pytest.approx(12.0, abs=0.03)
     asked = process.asked[0]
     assert (asked.seed, asked.turbulence, asked.route) == (3, 0.03, "attitude")
-    assert asked.autopilot_parameters == (without,)
+    assert asked.autopilot_parameters == without
     assert asked.stay_s == ENDS_S - STOOD_S[autopilot]
     assert not asked.pitot
 

@@ -19,11 +19,12 @@ from tgl_soar.config.parameters import as_wire_value
 RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
 LOOK_S = 1.0  # the position is watched for so long before engaging
+ARM_TIMEOUT_S = 180.0  # since the autopilot's start: ArduPlane's estimator takes half a minute
 LEG_TIMEOUT_S = 40.0  # for a line that stands to begin to move, or to be at its target
 HOME_TIMEOUT_S = 180.0  # from breaking off to the ground
 SEARCH_TIMEOUT_S = 120.0  # for a search to find one
 WORDS_S = 0.5  # the reason of a release may come after it
-READY_S = 60.0  # a crashed aircraft lies for 3 s and is carried back to the start
+READY_S = 60.0  # a crashed aircraft lies for 10 s and is carried back to the start
 READY, SOARING = 2.0, 4.0  # of soar_mode
 FOUND = 2.0  # of SRCH_START
 OVER = (0.0, 4.0)  # the same
@@ -78,6 +79,15 @@ class LastTelemetry:
     parameters: dict[str, float] = field(default_factory=dict)
     module_alive: bool = False
     armed: bool = False
+
+    def words(self) -> str:
+        """The newest texts."""
+        return "; ".join(self.texts[-3:]) or "nothing"
+
+    def why_disarmed(self) -> str:
+        """The newest text of a firmware's checks, or what was reported last."""
+        checks = [text for text in self.texts if text.startswith(("PreArm", "Preflight", "Arm"))]
+        return checks[-1].strip() if checks else self.words()
 
 
 class Operator:
@@ -209,7 +219,11 @@ class Operator:
             self._recover()
         elif self._stage == "wait":
             known = self.telemetry.module_alive and isfinite(self._shown("soar_x"))
-            known = known and (self.telemetry.armed or not self._when_armed)
+            may_begin = self.telemetry.armed or not self._when_armed
+            known = known and may_begin
+            if not may_begin and self.telemetry.time_s > ARM_TIMEOUT_S:
+                why = self.telemetry.why_disarmed()
+                raise OperatorError(f"not armed {ARM_TIMEOUT_S:g} s after its start: {why}")
             if not (known and isfinite(self._known_since_s)):
                 self._known_since_s = self.telemetry.time_s
             elif self.telemetry.time_s - self._known_since_s >= LOOK_S:
@@ -242,7 +256,7 @@ class Operator:
                     self._begin_leg(len(self.flown))
         elif self._stage == "home" and self.telemetry.time_s - self._homeward_s > HOME_TIMEOUT_S:
             raise OperatorError(
-                f"not down within {HOME_TIMEOUT_S:g} s of breaking off: {self._last_words()}"
+                f"not down within {HOME_TIMEOUT_S:g} s of breaking off: {self.telemetry.words()}"
             )
         if self._engaged and self.telemetry.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
             self._engaged, self._engaged_s = False, float("nan")
@@ -252,7 +266,7 @@ class Operator:
             elif isfinite(self._homeward_s):
                 self.done = True
             elif self._again <= len(self.hiccups):
-                raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
+                raise OperatorError(f"the module disengaged by itself: {self.telemetry.words()}")
 
     def _legs_flown(self) -> None:
         """All of them: it is over, or the way home begins."""
@@ -280,13 +294,13 @@ class Operator:
             texts = reversed(self.telemetry.texts)
             reason = next((text for text in texts if text.startswith("released")), "")
             if not any(hiccup in reason for hiccup in HICCUPS):
-                raise OperatorError(f"the module disengaged by itself: {self._last_words()}")
+                raise OperatorError(f"the module disengaged by itself: {self.telemetry.words()}")
             self.hiccups.append(reason)
             self._stage = "again"
         elif self._stage == "again" and self._shown("soar_mode") == READY:
             self._begin_leg(len(self.flown) - 1)
         elif since_s > READY_S:
-            raise OperatorError(f"not ready again within {READY_S:g} s: {self._last_words()}")
+            raise OperatorError(f"not ready again within {READY_S:g} s: {self.telemetry.words()}")
 
     def _begin_leg(self, number: int) -> None:
         leg = self._legs[number]
@@ -308,7 +322,7 @@ class Operator:
         what = "no place to soar was found" if searches else "the line did not come to its target"
         raise OperatorError(
             f"leg {flown.leg.name}: {what} within {limit_s:g} s; the module says:"
-            f" {self._last_words()}"
+            f" {self.telemetry.words()}"
         )
 
     def _moved_by_hand(self, flown: FlownLeg) -> bool:
@@ -360,7 +374,7 @@ class Operator:
         if now_s - self._first_sent_s > GIVE_UP_S:
             raise OperatorError(
                 f"PARAM_SET {name} = {value:g} was not confirmed within {GIVE_UP_S:g} s;"
-                f" the module says: {self._last_words()}"
+                f" the module says: {self.telemetry.words()}"
             )
         if now_s - self._sent_s >= RETRY_S:
             if self._first_sent_s != self._first_sent_s:
@@ -371,9 +385,6 @@ class Operator:
                     *self._target, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
                 )
             )
-
-    def _last_words(self) -> str:
-        return "; ".join(self.telemetry.texts[-3:]) or "nothing"
 
     def _pack(self, message: Any) -> None:
         self._out.append(bytes(message.pack(self._codec)))
