@@ -328,3 +328,32 @@ def test_a_planted_call_of_a_dataclass_is_found(decorator: str, call: str, wrong
 )
 def test_a_planted_call_of_many_by_place_is_found(call: str, many: bool) -> None:
     assert bool(many_by_place(parsed(call))) is many
+
+
+# What holds a sample of the tick, wherever it is called so.
+SAMPLES = {"fix", "sample", "imu", "attitude", "body", "reported", "own", "position", "given"}
+
+
+def numbered(text: str) -> list[str]:
+    """The samples of which a part is taken by numbers."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice):
+            of = node.value
+            name = of.id if isinstance(of, ast.Name) else getattr(of, "attr", "")
+            begins = node.slice.lower  # all but the first of a list is no field
+            if name in SAMPLES and isinstance(begins, ast.Constant) and begins.value != 1:
+                found.append(f"line {node.lineno}: {ast.unparse(node)}")
+    return found
+
+
+def test_no_part_of_a_sample_is_taken_by_numbers() -> None:
+    """A field put in between would shift all that follows."""
+    assert numbered("x = fix[2:5]\ny = world.attitude[6:]\nz = rows[2:5]\nw = fix[n:]") == [
+        "line 1: fix[2:5]",
+        "line 2: world.attitude[6:]",
+    ]
+    parsers = {"hot_frames.py", "layout.py", "dataflash.py"}  # of bytes
+    source = Path(tgl_soar.__file__).parent
+    files = [file for file in source.rglob("*.py") if file.name not in parsers]
+    assert {str(file): found for file in files if (found := numbered(file.read_text()))} == {}

@@ -65,6 +65,16 @@ class PositionFix(NamedTuple):
     sigma_m: float = NAN  # standard deviation of each axis as reported; NaN: not reported
     reckoned: bool = False  # the source says that it is dead reckoned, and not measured
 
+    @property
+    def place_ned_m(self) -> tuple[float, float, float]:
+        """North, east, down."""
+        return self.north_m, self.east_m, self.down_m
+
+    @property
+    def velocity_ned_mps(self) -> tuple[float, float, float]:
+        """North, east, down; NaN where the source gives none."""
+        return self.velocity_north_mps, self.velocity_east_mps, self.velocity_down_mps
+
 
 class AttitudeSample(NamedTuple):
     """One attitude measurement: the rotation from FRD to local NED, and body rates."""
@@ -79,6 +89,16 @@ class AttitudeSample(NamedTuple):
     pitch_rate_frd_radps: float
     yaw_rate_frd_radps: float
 
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """w, x, y, z."""
+        return self.qw, self.qx, self.qy, self.qz
+
+    @property
+    def rates_frd_radps(self) -> tuple[float, float, float]:
+        """Roll, pitch, yaw; NaN where the source gives none."""
+        return self.roll_rate_frd_radps, self.pitch_rate_frd_radps, self.yaw_rate_frd_radps
+
 
 class ImuSample(NamedTuple):
     """One sample of accelerometers and gyros, FRD."""
@@ -91,6 +111,16 @@ class ImuSample(NamedTuple):
     roll_rate_frd_radps: float  # NaN where the source gives no rates
     pitch_rate_frd_radps: float
     yaw_rate_frd_radps: float
+
+    @property
+    def force_frd_mps2(self) -> tuple[float, float, float]:
+        """Specific force, forward, right, down."""
+        return self.force_x_frd_mps2, self.force_y_frd_mps2, self.force_z_frd_mps2
+
+    @property
+    def rates_frd_radps(self) -> tuple[float, float, float]:
+        """Roll, pitch, yaw; NaN where the source gives none."""
+        return self.roll_rate_frd_radps, self.pitch_rate_frd_radps, self.yaw_rate_frd_radps
 
 
 class AirspeedSample(NamedTuple):

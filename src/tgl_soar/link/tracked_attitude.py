@@ -59,7 +59,7 @@ class TrackedAttitude:
         self.used += 1
         p = q = r = NAN
         if reported.sequence > 0 and abs(time_s - reported.time_s) <= RATES_S:
-            p, q, r = reported[6:9]
+            p, q, r = reported.rates_frd_radps
         self._pose = AttitudeSample(
             sequence=self.used,
             time_s=time_s,

@@ -243,8 +243,8 @@ class _Pilot:
         move of the brake; infinite: there is none."""
         if inputs.attitude.sequence == 0 or inputs.position.sequence == 0:
             return SurfaceCommand(glide.elevator, 0.0, 0.0)
-        roll, pitch, heading = euler_from_quaternion(*inputs.attitude[2:6])
-        p, q, r = inputs.attitude[6:9]
+        roll, pitch, heading = euler_from_quaternion(*inputs.attitude.quaternion)
+        p, q, r = inputs.attitude.rates_frd_radps
         aileron = self._ailerons * (-1.2 * roll - 0.06 * p)
         sides = SurfaceCommand(0.0, aileron, -0.6 * heading - 0.2 * r)
         if since_s < REST_S + 2.0 * HALF_S + AFTER_S:

@@ -48,17 +48,17 @@ def thousandths(values: tuple[float, ...], unit: float = 1.0) -> list[int]:
 
 def raw_imu(sample: ImuSample, time_us: int) -> Any:
     """RAW_IMU: milli-g, millirad/s, microseconds."""
-    force = thousandths(sample[2:5], 1e3 * MILLI_G_MPS2)
+    force = thousandths(sample.force_frd_mps2, 1e3 * MILLI_G_MPS2)
     return mavlink.MAVLink_raw_imu_message(
-        time_us, *force, *thousandths(sample[5:8]), 0, 0, 0, 0, 2500
+        time_us, *force, *thousandths(sample.rates_frd_radps), 0, 0, 0, 0, 2500
     )
 
 
 def scaled_imu(sample: ImuSample, time_ms: int) -> Any:
     """SCALED_IMU: the same numbers, milliseconds."""
-    force = thousandths(sample[2:5], 1e3 * MILLI_G_MPS2)
+    force = thousandths(sample.force_frd_mps2, 1e3 * MILLI_G_MPS2)
     return mavlink.MAVLink_scaled_imu_message(
-        time_ms, *force, *thousandths(sample[5:8]), 0, 0, 0, 2500
+        time_ms, *force, *thousandths(sample.rates_frd_radps), 0, 0, 0, 2500
     )
 
 
@@ -176,7 +176,9 @@ def global_position(fix: PositionFix, home: HomePosition | None, time_ms: int, y
 
     A fix without numbers is all zero; the heading of a yaw [rad] without a number is not known.
     """
-    velocity = [round(max(-327.0, min(327.0, v)) * 100.0) if v == v else 0 for v in fix[5:8]]
+    velocity = [
+        round(max(-327.0, min(327.0, v)) * 100.0) if v == v else 0 for v in fix.velocity_ned_mps
+    ]
     heading = round(degrees(yaw) % 360.0 * 100.0) % 36000 if isfinite(yaw) else HEADING_UNKNOWN
     if home is None or not _is_place(fix):
         above_mm = round(-1e3 * fix.down_m) if isfinite(fix.down_m) else 0

@@ -149,7 +149,9 @@ def fly_long(
             last_position = world.position.sequence
             fix = world.position
             deliver(
-                mavlink.MAVLink_local_position_ned_message(_ms(begun_s + fix.time_s), *fix[2:8]),
+                mavlink.MAVLink_local_position_ned_message(
+                    _ms(begun_s + fix.time_s), *fix.place_ned_m, *fix.velocity_ned_mps
+                ),
                 wire.vehicle,
             )
         if not engaged and world.time_s >= ENGAGED_S:
@@ -161,7 +163,7 @@ def fly_long(
             flight.expected_ticks += 1
             deliver(
                 mavlink.MAVLink_attitude_quaternion_message(
-                    _ms(begun_s + sample.time_s), *sample[2:9]
+                    _ms(begun_s + sample.time_s), *sample.quaternion, *sample.rates_frd_radps
                 ),
                 wire.vehicle,
             )

@@ -92,6 +92,11 @@ class RigidBody(NamedTuple):
     flags: int
 
     @property
+    def pose(self) -> tuple[float, float, float, float, float, float, float]:
+        """Place [m] and quaternion, x, y, z, w."""
+        return self.x_m, self.y_m, self.z_m, self.qx, self.qy, self.qz, self.qw
+
+    @property
     def is_tracked(self) -> bool:
         """Whether the server vouches for this pose."""
         return self.flags & _TRACKED != 0

@@ -44,7 +44,7 @@ class PoseFilter:
             text = f"{settings.body!r} is not tracked: not used"
             self._notices.report("untracked", SEVERITY_INFO, text)
             return None
-        if not all(map(isfinite, body[1:9])):
+        if not all(map(isfinite, (*body.pose, body.error_m))):
             counters.not_finite += 1
             self._notices.report("finite", SEVERITY_WARNING, "a pose is not a number")
             return None

@@ -45,7 +45,7 @@ class PoseTrack:
     def judge(self, body: RigidBody, time_s: float) -> int:
         """What a pose is, after those before it; times grow."""
         before, before_s = self._last, self._last_s
-        if before is not None and body[1:8] == before[1:8]:
+        if before is not None and body.pose == before.pose:
             return FROZEN
         self._last, self._last_s = body, time_s
         if before is not None:

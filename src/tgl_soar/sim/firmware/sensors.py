@@ -155,8 +155,8 @@ class FirmwareSensors:
         imu = world.imu
         return Readings(
             time_s=world.time_s,
-            force_frd_mps2=imu[2:5],
-            rate_frd_radps=imu[5:8],
+            force_frd_mps2=imu.force_frd_mps2,
+            rate_frd_radps=imu.rates_frd_radps,
             magnetic_frd_gauss=magnetic,
             pressure_pa=measured_pa,
             height_m=height_m if measured_pa is None else height_of_pressure_m(measured_pa),
@@ -191,7 +191,7 @@ class FirmwareSensors:
 
     def _place(self, fix: PositionFix) -> GpsPlace:
         at = geodetic(self.home, fix.north_m, fix.east_m, fix.down_m)
-        return GpsPlace(*at, fix[5:8])
+        return GpsPlace(*at, fix.velocity_ned_mps)
 
 
 def pressure_pa(height_m: float) -> float:

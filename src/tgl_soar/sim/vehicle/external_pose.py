@@ -53,7 +53,7 @@ class ExternalPose:
         age_s = own.time_s - (self._came_s - delay_s)
         north, east, down = (
             at + speed * age_s if isfinite(speed) else at
-            for at, speed in zip(self._at, own[5:8], strict=True)
+            for at, speed in zip(self._at, own.velocity_ned_mps, strict=True)
         )
         return own._replace(north_m=north, east_m=east, down_m=down)
 

@@ -32,8 +32,8 @@ class LevelFlight:
 
     def step(self, sticks: SurfaceCommand, attitude: AttitudeSample, dt_s: float) -> SurfaceCommand:
         """Deflections for sticks (pitch, roll, yaw; -1 … 1) and an attitude."""
-        roll, pitch, _ = euler_from_quaternion(*attitude[2:6])
-        p, q, r = attitude[6:9]
+        roll, pitch, _ = euler_from_quaternion(*attitude.quaternion)
+        p, q, r = attitude.rates_frd_radps
         pitch_error = self.trim_pitch_rad + PITCH_STICK_RAD * sticks.elevator - pitch
         self._integral = min(max(self._integral + 2.0 * pitch_error * dt_s, -0.8), 0.8)
         return SurfaceCommand(

@@ -199,19 +199,21 @@ class VehicleReports:
     def _attitude_quaternion(self) -> Any:
         sample = self.sensed.attitude
         return mavlink.MAVLink_attitude_quaternion_message(
-            self._clock.boot_ms(sample.time_s), *sample[2:9]
+            self._clock.boot_ms(sample.time_s), *sample.quaternion, *sample.rates_frd_radps
         )
 
     def _attitude(self) -> Any:
         sample = self.sensed.attitude
         return mavlink.MAVLink_attitude_message(
-            self._clock.boot_ms(sample.time_s), *euler_from_quaternion(*sample[2:6]), *sample[6:9]
+            self._clock.boot_ms(sample.time_s),
+            *euler_from_quaternion(*sample.quaternion),
+            *sample.rates_frd_radps,
         )
 
     def _local_position(self) -> Any:
         fix = self.sensed.position
         return mavlink.MAVLink_local_position_ned_message(
-            self._clock.boot_ms(fix.time_s), *fix[2:8]
+            self._clock.boot_ms(fix.time_s), *fix.place_ned_m, *fix.velocity_ned_mps
         )
 
     def _odometry(self) -> Any:
@@ -249,8 +251,8 @@ class VehicleReports:
 
     def _vfr_hud(self) -> Any:
         fix, attitude = self.sensed.position, self.sensed.attitude
-        _, _, yaw = euler_from_quaternion(*attitude[2:6])
-        north, east, down = (0.0 if v != v else v for v in fix[5:8])
+        _, _, yaw = euler_from_quaternion(*attitude.quaternion)
+        north, east, down = (0.0 if v != v else v for v in fix.velocity_ned_mps)
         shown = self.sensed.pitot.sequence > 0  # else an estimate, which looks just the same
         return mavlink.MAVLink_vfr_hud_message(
             self._shown.equivalent_mps if shown else self.sensed.airspeed_mps,
@@ -269,7 +271,7 @@ class VehicleReports:
 
     def _global_position(self) -> Any:
         fix = self.sensed.position
-        _, _, yaw = euler_from_quaternion(*self.sensed.attitude[2:6])
+        _, _, yaw = euler_from_quaternion(*self.sensed.attitude.quaternion)
         return global_position(fix, self._home, self._clock.boot_ms(fix.time_s), yaw)
 
     def _gps_raw(self) -> Any:

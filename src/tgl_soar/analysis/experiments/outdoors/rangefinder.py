@@ -210,7 +210,7 @@ def _moved_to_the_lift(loop: ClosedLoop) -> float:
 def _estimated(loop: ClosedLoop, output: Output) -> tuple[float, float]:
     """Downstream and up, as the last fix and the rangefinder's correction have it [m]: within the
     centimetres of a fix what the estimator has."""
-    x, _, z = soaring_from_ned(loop.world.frame, *loop.world.position[2:5])
+    x, _, z = soaring_from_ned(loop.world.frame, *loop.world.position.place_ned_m)
     return x, z + output.ground_range.correction_m
 
 

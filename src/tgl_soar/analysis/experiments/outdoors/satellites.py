@@ -248,7 +248,7 @@ def _fly(job: SatelliteJob, faults: tuple[Fault, ...]) -> SinceFault:
         state = world.state
         if begun:
             offs.append(e_rho(x, z, eta, state.x_m, state.z_m))
-            fx, _, fz = soaring_from_ned(frame, *loop.given[2:5])
+            fx, _, fz = soaring_from_ned(frame, *loop.given.place_ned_m)
             fix_offs.append(nx * (fx - away_x - state.x_m) + nz * (fz - away_z - state.z_m))
     touch = values["LND_X"] - state.x_m, state.y_m - values["LND_Y"], -state.velocity_z_mps
     landing = mode == LANDING and "ground" in ended
@@ -270,7 +270,7 @@ def _moved_to_the_lift(loop: ClosedLoop, frame: SoaringFrame) -> tuple[float, fl
     loop.engage = False
     for _ in range(round(HELD_S * world.step_hz)):
         loop.tick()
-    x, _, z = soaring_from_ned(frame, *world.position[2:5])
+    x, _, z = soaring_from_ned(frame, *world.position.place_ned_m)
     away_x, away_z = x - world.state.x_m, z - world.state.z_m
     values = loop.values
     loop.change({"TGL_X": values["TGL_X"] + away_x, "TGL_Z": values["TGL_Z"] + away_z})
