@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, inf, nan, radians
+from math import degrees, inf, isnan, nan, radians
 from typing import Any
 
 import pytest
@@ -15,6 +15,7 @@ from tgl_soar.control.launch_landing import LaunchLandingReport
 from tgl_soar.control.supervisor import (
     BEATING,
     BREAKING_OFF,
+    HOLDING,
     LANDING,
     LAUNCHING,
     READY,
@@ -23,7 +24,7 @@ from tgl_soar.control.supervisor import (
 )
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
-from tgl_soar.link.autopilots.px4 import MODE_RETURN
+from tgl_soar.link.autopilots.px4 import MODE_RETURN, Px4
 from tgl_soar.link.messages import (
     COMMAND_DO_LAND_START,
     COMMAND_DO_SET_MODE,
@@ -35,11 +36,16 @@ from tgl_soar.link.messages import (
     MissionRequestInt,
     MissionRequestList,
     Source,
+    WindCov,
 )
 from tgl_soar.link.mission import MissionReading
 from tgl_soar.link.mode_change import TRIES
+from tgl_soar.link.stream_requests import StreamRequests
+from tgl_soar.link.vehicle.autopilot_wind import AutopilotWind
+from tgl_soar.link.vehicle.diagnostics import Ledger, SessionCounters
 from tgl_soar.onboard.firmware_landing import FirmwareLanding
 from tgl_soar.onboard.launch_landing_switch import LaunchLandingSwitch
+from tgl_soar.types import NO_AIR
 
 
 class Settings:
@@ -72,7 +78,11 @@ def output_of(flight: Flight, mode: int, time_s: float = 0.0, left_m: float = 9.
     assert flight.onboard.output is not None
     report = LaunchLandingReport(launch=0, height_left_m=left_m, time_left_s=75.0)
     return flight.onboard.output._replace(
-        mode=mode, active=mode not in (READY, RELEASED), launch_landing=report, time_s=time_s
+        mode=mode,
+        active=mode not in (READY, RELEASED),
+        launch_landing=report,
+        time_s=time_s,
+        air=NO_AIR._replace(wind_mps=8.0, cross_wind_mps=0.0),
     )
 
 
@@ -219,18 +229,11 @@ HOME = HomePosition(latitude_deg=52.0, longitude_deg=4.4, altitude_m=10.0)
 LANDING_ITEMS = ((16, 0.0), (189, 0.0), (16, 15.0), (21, 28.0))  # command, west of home [m]
 
 
-class WindOf:
-    """What the autopilot says of the wind, towards north and east [m/s]."""
+class RightWind(AutopilotWind):
+    """From where ours comes, at all times."""
 
-    def __init__(self) -> None:
-        self.asked = 0
-        self.ned = (nan, nan)
-
-    def want(self) -> None:
-        self.asked += 1
-
-    def known(self, _: float) -> tuple[float, float]:
-        return self.ned
+    def known(self, now_s: float) -> tuple[float, float]:  # noqa: ARG002
+        return 0.0, 8.0
 
 
 class Firmware:
@@ -246,7 +249,9 @@ class Firmware:
         self.status = self
         self.time_s = 0.0
         self.custom_mode = 5
-        self.wind = WindOf()
+        self.streams = StreamRequests(1)
+        ledger = Ledger(SessionCounters(), [], self.streams)
+        self.wind: AutopilotWind = RightWind(Px4.sensors.wind, ledger)
 
     @property
     def autopilot(self) -> Any:
@@ -552,8 +557,42 @@ def in_wind(flight: Flight, mode: int, time_s: float, along: float, across: floa
     return output._replace(air=output.air._replace(wind_mps=along, cross_wind_mps=across))
 
 
-# The wind blows from the west, so that of the aircraft, [8, 0] in its frame, is [0, 8] in NED.
-WRONG_WIND = "its wind is 8 m/s from the wrong side"
+def cov(north: float, east: float) -> WindCov:
+    return WindCov(
+        time_usec=0, wind_x=north, wind_y=east, wind_z=0.0, horiz_accuracy=1.0, vert_accuracy=1.0
+    )
+
+
+class WayHome:
+    """A tick a second of a firmware's landing, with its wind towards north and east, and ours along
+    the frame: the wind blows from the west, so that of the aircraft, [8, 0], is [0, 8] in NED."""
+
+    def __init__(self, flight: Flight, by: float = 2.0) -> None:
+        self.flight, self.firmware, self.said = flight, Firmware("px4"), Reported()
+        ledger = Ledger(SessionCounters(), [], self.firmware.streams)
+        self.firmware.wind = AutopilotWind(Px4.sensors.wind, ledger)
+        self.settings: Any = Settings(LND_BY=by, **PLACE)
+        firmware: Any = self.firmware
+        self.landing = FirmwareLanding(firmware, self.settings, firmware, self.said)  # type: ignore[arg-type]
+        self.now_s = 0.0
+
+    def flies(
+        self,
+        mode: int,
+        theirs: tuple[float, float] | None,
+        along: float = 8.0,
+        across: float = 0.0,
+        seconds: int = 1,
+    ) -> list[Any]:
+        """What has been sent since the flight began, after so many seconds of this."""
+        for _ in range(seconds):
+            self.now_s += 1.0
+            self.firmware.time_s = self.now_s
+            self.firmware.answers(self.now_s)
+            if theirs is not None:
+                self.firmware.wind.take(cov(*theirs), self.now_s)
+            self.landing.tick(in_wind(self.flight, mode, self.now_s, along, across))
+        return self.said.sent
 
 
 @pytest.mark.parametrize(
@@ -561,9 +600,10 @@ WRONG_WIND = "its wind is 8 m/s from the wrong side"
     [
         (0.0, 8.0, 8.0, False),
         (0.0, -8.0, 8.0, True),  # the mirrored solution
-        (0.0, -2.1, 8.0, True),
-        (0.0, -1.9, 8.0, False),  # an estimate that is about nothing yet
+        (0.0, -2.01, 5.0, True),
+        (0.0, -1.99, 5.0, False),  # an estimate that is about nothing yet
         (-7.0, 1.0, 8.0, False),  # across
+        (0.0, -8.0, 4.1, True),
         (0.0, -8.0, 3.9, False),  # nobody can say
         (0.0, -8.0, nan, False),
         (nan, nan, 8.0, False),  # it has not been heard of
@@ -574,49 +614,96 @@ WRONG_WIND = "its wind is 8 m/s from the wrong side"
 def test_an_autopilot_with_a_wind_from_the_wrong_side_does_not_get_to_land(
     flight: Flight, by: float, north: float, east: float, along: float, refused: bool
 ) -> None:
-    firmware, said = Firmware("px4"), Reported()
-    landing = landing_by(firmware, said, by)
-    landing.tick(output_of(flight, READY, 0.5))
-    assert firmware.wind.asked == 1
-    firmware.answers(0.6)
-    landing.tick(output_of(flight, BREAKING_OFF, 1.0))
-    firmware.answers(1.1)
-    firmware.wind.ned = (north, east)
-    for k in range(3):
-        firmware.time_s = 2.0 + k
-        landing.tick(in_wind(flight, LANDING, 2.0 + k, along))
-    assert (said.sent == []) is refused
+    home = WayHome(flight, by)
+    home.flies(READY, (north, east), along, seconds=5)
+    assert home.firmware.streams.wanted(231) is not None
+    home.flies(BREAKING_OFF, (north, east), along, seconds=2)
+    assert (home.flies(LANDING, (north, east), along, seconds=3) == []) is refused
     if refused:
-        assert said.words == [f"its wind is {-east:.0f} m/s from the wrong side: we land"]
-        firmware.wind.ned = (0.0, 8.0)  # too late: the approach has begun
-        firmware.time_s = 6.0
-        landing.tick(in_wind(flight, LANDING, 6.0, along))
-        assert said.sent == []
+        assert home.said.words == [f"its wind is {-east:.0f} m/s from the wrong side: we land"]
+        assert home.flies(LANDING, (0.0, 8.0), along, seconds=3) == []  # the approach has begun
 
 
 def test_the_side_of_the_wind_is_that_of_its_vector(flight: Flight) -> None:
     """Of a wind from beside the frame's x axis: [8, 8] in its frame is [8, 8] to north and east."""
-    for north, east, refused in ((8.0, 8.0, False), (-8.0, -8.0, True), (8.0, -8.0, False)):
-        firmware, said = Firmware("px4"), Reported()
-        landing = landing_by(firmware, said, 2.0)
-        firmware.wind.ned = (north, east)
-        firmware.time_s = 1.0
-        landing.tick(in_wind(flight, LANDING, 1.0, 8.0, 8.0))
-        assert (said.sent == []) is refused, (north, east)
+    for theirs, refused in (((8.0, 8.0), False), ((-8.0, -8.0), True), ((8.0, -8.0), False)):
+        home = WayHome(flight)
+        assert (home.flies(LANDING, theirs, 8.0, 8.0, seconds=2) == []) is refused, theirs
 
 
-def test_a_wrong_wind_is_reported_while_there_is_time(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Reported()
-    landing = landing_by(firmware, said, 2.0)
-    firmware.wind.ned = (0.0, 8.0)
-    landing.tick(in_wind(flight, SOARING, 1.0, 8.0))
-    assert said.words == []
-    firmware.wind.ned = (0.0, -8.0)
-    for k in range(3):
-        landing.tick(in_wind(flight, SOARING, 2.0 + k, 8.0))
-    assert said.words == [f"of the autopilot: {WRONG_WIND}; its own modes fly downwind"]
-    landing._settings.values["LND_BY"] = 0.0
-    landing.tick(in_wind(flight, SOARING, 6.0, 8.0))
-    landing._settings.values["LND_BY"] = 2.0
-    landing.tick(in_wind(flight, SOARING, 7.0, 8.0))
-    assert len(said.words) == 2
+@pytest.mark.parametrize("silence_s", [1, 5])
+@pytest.mark.parametrize("by_ours", [False, True])
+def test_what_was_found_last_holds_where_nothing_can_be_compared(
+    flight: Flight, silence_s: int, by_ours: bool
+) -> None:
+    home = WayHome(flight)
+    home.flies(LAUNCHING, (0.0, -8.0), seconds=5)
+    theirs, along = ((0.0, -8.0), nan) if by_ours else (None, 8.0)
+    home.flies(BREAKING_OFF, theirs, along, seconds=silence_s)
+    assert home.flies(LANDING, theirs, along, seconds=3) == []
+
+
+def test_the_first_wind_that_was_asked_for_is_waited_for(flight: Flight) -> None:
+    home = WayHome(flight)
+    assert home.flies(LANDING, None, seconds=2) == []  # LND_BY was set only now
+    assert home.flies(LANDING, (0.0, -8.0), seconds=6) == []
+    other = WayHome(flight)
+    assert other.flies(LANDING, None, seconds=4) == []
+    assert len(other.flies(LANDING, None)) == 1  # it has none: as ever
+
+
+def test_after_another_clock_its_wind_is_waited_for_again(flight: Flight) -> None:
+    home = WayHome(flight)
+    home.flies(READY, (0.0, 8.0), seconds=5)
+    home.firmware.mission.restart()
+    home.firmware.wind.restarted()
+    assert home.flies(LANDING, None, seconds=2) == []
+    assert home.flies(LANDING, (0.0, -8.0), seconds=6) == []
+
+
+def test_it_is_not_asked_a_second_time_once_its_wind_is_seen_to_be_wrong(flight: Flight) -> None:
+    home = WayHome(flight)
+    home.flies(READY, (0.0, 8.0), seconds=5)
+    assert len(home.flies(LANDING, (0.0, 8.0))) == 1
+    assert len(home.flies(LANDING, (0.0, -8.0), seconds=6)) == 1
+    assert home.said.words == ["its wind is 8 m/s from the wrong side: we land"]
+
+
+def test_the_next_way_home_is_judged_anew(flight: Flight) -> None:
+    home = WayHome(flight)
+    home.flies(LANDING, (0.0, -8.0), seconds=6)
+    home.flies(SOARING, (0.0, 8.0), seconds=2)
+    home.flies(BREAKING_OFF, (0.0, 8.0))
+    assert len(home.flies(LANDING, (0.0, 8.0))) == 1
+
+
+@pytest.mark.parametrize("mode", [SOARING, HOLDING, BEATING])
+def test_a_wrong_wind_is_reported_while_there_is_time(flight: Flight, mode: int) -> None:
+    home = WayHome(flight)
+    home.flies(mode, (0.0, 8.0))
+    assert home.said.words == []
+    home.flies(mode, (0.0, -8.0), seconds=3)
+    told = "of the autopilot: its wind is 8 m/s from the wrong side; its own modes fly downwind"
+    assert home.said.words == [told]
+    home.flies(READY, (0.0, -8.0))
+    assert home.said.words == [told]
+    home.flies(mode, (0.0, -8.0), seconds=2)  # the next flight
+    assert home.said.words == [told, told]
+
+
+def test_who_does_not_land_by_it_asks_for_no_wind(flight: Flight) -> None:
+    home = WayHome(flight, 0.0)
+    home.flies(SOARING, (0.0, -8.0), seconds=3)
+    assert home.firmware.streams.wanted(231) is None
+    assert home.said.words == []
+
+
+def test_a_wind_that_cannot_be_ends_no_flight() -> None:
+    flown = Flight()
+    flown.run(1.0)
+    for bad in (inf, -inf, nan):
+        flown.hear(mavlink.MAVLink_wind_message(bad, 5.0, 0.0))
+        flown.hear(mavlink.MAVLink_wind_message(270.0, bad, 0.0))
+        flown.hear(mavlink.MAVLink_wind_cov_message(0, bad, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    flown.run(1.0)
+    assert all(map(isnan, flown.onboard.session.wind.known(flown.now_s)))

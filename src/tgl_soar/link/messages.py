@@ -399,7 +399,7 @@ class NavControllerOutput(NamedTuple):
 
 class Wind(NamedTuple):
     direction: float  # that it blows from [deg]
-    speed: float  # horizontal [m/s]
+    speed: float  # ArduPlane: of all three components [m/s]
 
 
 class WindCov(NamedTuple):

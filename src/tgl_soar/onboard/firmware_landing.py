@@ -13,7 +13,9 @@ waits for anybody; a firmware that does not take the landing leaves the module t
     wind     an estimator that began while the aircraft hovered may have the wind from the wrong
              side: hovering, airspeed and a side slip of zero fit a wind from ahead and one from
              behind alike (PX4's EKF2, docs/outdoors.md).  By that wind its modes turn downwind, so
-             it is not asked; and it is reported while there is time
+             it is not asked; and it is reported while there is time.  What was found last holds
+             until the two can be compared again; where they never could, `WAITS_S` after it was
+             requested it is asked all the same
     done     a heartbeat shows the mode; an acknowledgement alone says nothing
     check    the item that it flies: a mission's mode may be anywhere in it.  Where the autopilot
              restarts meanwhile, or our clock is set, that starts again, by the mission as it was
@@ -29,7 +31,15 @@ from typing import Final
 
 from tgl_soar.autopilot import Output
 from tgl_soar.config.site import HomePosition
-from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, READY, RELEASED, SOARING, STANDBY
+from tgl_soar.control.supervisor import (
+    BREAKING_OFF,
+    LANDING,
+    READY,
+    RELEASED,
+    STANDBY,
+    goes_home,
+    is_flying,
+)
 from tgl_soar.geometry import ned_vector_from_soaring, soaring_from_ned
 from tgl_soar.link.autopilots.ardupilot import MODE_AUTO
 from tgl_soar.link.autopilots.px4 import MODE_MISSION, MODE_RETURN
@@ -50,7 +60,6 @@ from tgl_soar.link.tangent_plane import Home, TangentPlane
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
 from tgl_soar.onboard.setup import ModuleSetup
-from tgl_soar.types import INFINITE
 
 BY_MISSION: Final = 1
 BY_RETURN: Final = 2
@@ -68,6 +77,7 @@ LAUNCHED_M: Final = 10.0  # ArduPlane 4.6: below it its loop of speed and height
 # The wrong solution is the mirrored wind, which is as fast as the aircraft hovers.
 AGAINST_MPS: Final = 2.0
 WINDY_MPS: Final = 4.0  # ours: below it neither has a side
+WAITS_S: Final = 4.0  # its wind comes once a second, and a request may be lost
 CHECK_S: Final = 3.0  # three requests and their answers
 LATE_S: Final = 2.0  # after asking: a heartbeat a second, and the time to change the mode
 
@@ -87,7 +97,9 @@ class FirmwareLanding:
         self._mode = -1
         self._unfit: str | None = None  # why the mission does not land there; None: not known yet
         self._reported = False  # that we land, on this way home
-        self._wind_reported = False  # since LND_BY was set
+        self._wrong_wind: str | None = None  # "": from the right side; None: never compared
+        self._wind_wanted_s = float("nan")  # since then its wind is requested
+        self._wind_reported = False  # in this flight
         self._handed_over_s = float("nan")  # since then the item is looked for
         self._checked_s = float("-inf")  # it was asked for last
         self._currents = 0  # MISSION_CURRENT that had come by then
@@ -115,15 +127,17 @@ class FirmwareLanding:
         self._begin_again(output)
         self._read(by, output, known=by in modes)
         self._check(output)
-        if by in modes and output.mode == SOARING:
-            self._report_wind(output)
+        if by in modes:
+            self._compare_winds(output)
         if output.mode != LANDING or by not in modes:
             self._ended(output, by)
             return
-        if self._tries == 0 and not self._unfit:
-            if by == BY_MISSION and self._unfit == "":
+        if not self._unfit:
+            if by == BY_MISSION and self._unfit == "" and self._tries == 0:
                 self._unfit = self._too_near_home(output)
-            self._unfit = self._unfit or self._wrong_wind(output) or self._unfit
+            self._unfit = self._unfit or self._wrong_wind or self._unfit
+            if self._wrong_wind is None and output.time_s - self._wind_wanted_s < WAITS_S:
+                return
         if self._unfit or (by == BY_MISSION and self._unfit is None):
             if self._unfit and not self._reported:
                 self._reported = True
@@ -152,6 +166,7 @@ class FirmwareLanding:
             return
         self._restarts = mission.restarts
         self._asked_s = self._looked_s = self._checked_s = float("-inf")
+        self._wrong_wind, self._wind_wanted_s = None, output.time_s
         if self._handed_over_s == self._handed_over_s:  # not NaN
             self._handed_over_s, self._currents = output.time_s, mission.current_count
 
@@ -161,10 +176,10 @@ class FirmwareLanding:
         breaks_off = output.mode in (BREAKING_OFF, LANDING)
         begins = breaks_off and self._mode not in (BREAKING_OFF, LANDING)
         self._mode = output.mode
-        if by != self._by:
+        if by != self._by and known:
             self._wind_reported = False
-            if known:
-                self._session.wind.want()
+            self._wrong_wind, self._wind_wanted_s = None, output.time_s
+            self._session.wind.want()
         if by != self._by or begins:
             self._unfit, self._reported = None, False
             if by and not known:  # of a file: an operator is refused it
@@ -223,26 +238,29 @@ class FirmwareLanding:
             " itself for not launched"
         )
 
-    def _report_wind(self, output: Output) -> None:
-        """While there is time: once, until LND_BY is set again."""
-        wrong = "" if self._wind_reported else self._wrong_wind(output)
-        if wrong:
+    def _compare_winds(self, output: Output) -> None:
+        """What is wrong with the autopilot's wind, as far as it can be said; reported in flight."""
+        found = self._against_ours(output)
+        if found is not None:
+            self._wrong_wind = found
+        if output.mode in (STANDBY, READY):
+            self._wind_reported = False
+        elif self._wrong_wind and is_flying(output.mode) and not goes_home(output.mode):
+            if not self._wind_reported:
+                text = f"of the autopilot: {self._wrong_wind}; its own modes fly downwind"
+                self._outbox.tell(SEVERITY_WARNING, text)
             self._wind_reported = True
-            text = f"of the autopilot: {wrong}; its own modes fly downwind"
-            self._outbox.tell(SEVERITY_WARNING, text)
 
-    def _wrong_wind(self, output: Output) -> str:
-        """What is wrong with the autopilot's wind; "": nothing, or it is not known."""
+    def _against_ours(self, output: Output) -> str | None:
+        """ "": its wind is from our side; None: nobody can say."""
         air, frame = output.air, self._setup.frame
         north, east, _ = ned_vector_from_soaring(frame, air.wind_mps, air.cross_wind_mps, 0.0)
         north_theirs, east_theirs = self._session.wind.known(output.time_s)
         ours = hypot(north, east)
-        if not ours >= WINDY_MPS:  # true for NaN
-            return ""
+        if not ours >= WINDY_MPS or north_theirs != north_theirs:  # the first is true for NaN
+            return None
         along = (north * north_theirs + east * east_theirs) / ours
-        if not -INFINITE < along < -AGAINST_MPS:  # true for NaN
-            return ""
-        return f"its wind is {-along:.0f} m/s from the wrong side"
+        return f"its wind is {-along:.0f} m/s from the wrong side" if along < -AGAINST_MPS else ""
 
     def _place(
         self,

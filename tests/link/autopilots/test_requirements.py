@@ -138,6 +138,8 @@ PX4 = (
     Row("MAV_0_FORWARD", (1,), (0,), SHOULD),
     Row("MAV_1_FORWARD", (1,), (0,), SHOULD),
     Row("EKF2_FUSE_BETA", (0,), (1,), SHOULD),
+    Row("EKF2_ARSP_THR", (0.5, 5), (5.5, 8), SHOULD),
+    Row("EKF2_ARSP_THR", (2, 5), (0,), SHOULD),
 )
 BY_OFFBOARD = (
     Row("COM_OF_LOSS_T", (0.3, 0.5, 1.0), (1.5, 2.0)),

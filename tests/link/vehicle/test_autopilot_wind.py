@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import Any
 
 import pytest
@@ -79,3 +79,22 @@ def test_of_a_firmware_without_it_nothing_is_requested() -> None:
     known, streams = wind_of(Paparazzi.sensors)
     known.want()
     assert streams.all_wanted() == []
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        *(Wind(bad, 8.0) for bad in (nan, inf, -inf)),
+        *(Wind(270.0, bad) for bad in (nan, inf, -3e38, 101.0)),
+        *(cov(bad, 0.0) for bad in (nan, inf, 3e38)),
+        cov(0.0, -101.0),
+    ],
+)
+def test_a_wind_that_cannot_be_says_nothing(message: Any) -> None:
+    known, _ = wind_of()
+    known.take(message, 1.0)
+    assert all(map(isnan, known.known(1.0)))
+    known.take(cov(1.0, 2.0), 2.0)
+    known.take(message, 2.5)
+    assert known.known(4.9) == (1.0, 2.0)
+    assert isnan(known.known(5.1)[0])  # nor does it make the last one new

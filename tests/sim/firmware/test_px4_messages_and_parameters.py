@@ -275,6 +275,7 @@ def test_an_aircraft_of_three_surfaces_without_a_rotor_is_described() -> None:
         ("COM_RCL_EXCEPT", 4, "bit 2: not in OFFBOARD"),
         ("GF_ACTION", 0, "no fence"),
         ("EKF2_FUSE_BETA", 0, "no wind from behind"),
+        ("EKF2_ARSP_THR", 5.0, "of airspeeds that it hovers at"),
         ("FD_FAIL_P", 0, "no pitch is a failure"),
         ("FD_FAIL_R", 0, "no bank is a failure"),
         ("COM_OF_LOSS_T", 0.5, "a silent companion, s"),

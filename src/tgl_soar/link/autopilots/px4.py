@@ -126,6 +126,11 @@ HOVER: Final = (
         SHOULD,
     ),
     need(
+        "EKF2_ARSP_THR", "at most", 5,
+        "below it the pitot tube does not count: hovering it would know no wind", SHOULD,
+    ),
+    need("EKF2_ARSP_THR", "is not", 0, "the pitot tube would not count", SHOULD),
+    need(
         "MAV_0_FORWARD", "is", 1,
         "ground stations reach the module through the autopilot", SHOULD,
     ),

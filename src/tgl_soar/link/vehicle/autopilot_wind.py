@@ -7,7 +7,7 @@ the moving air.
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import cos, isfinite, radians, sin
 from typing import Final
 
 from tgl_soar.link.autopilots.base import Wanted
@@ -16,6 +16,7 @@ from tgl_soar.link.vehicle.diagnostics import Ledger
 from tgl_soar.types import NAN
 
 AGE_MAX_S: Final = 3.0  # it comes once a second: after that nothing is known
+FASTEST_MPS: Final = 100.0  # a hurricane's
 
 
 class AutopilotWind:
@@ -38,16 +39,20 @@ class AutopilotWind:
             self._streams.want(*self._wanted)
 
     def take(self, message: Wind | WindCov, now_s: float) -> None:
-        """A report has come."""
-        self._received_s = now_s
+        """A report has come.  One that no air can do says nothing, and leaves what was known."""
         if isinstance(message, WindCov):
             self._streams.received(ID_WIND_COV)
-            self._north_mps, self._east_mps = message.wind_x, message.wind_y
+            north, east = message.wind_x, message.wind_y
+        else:
+            self._streams.received(ID_WIND)
+            if not (isfinite(message.direction) and isfinite(message.speed)):
+                return
+            from_rad = radians(message.direction)
+            north, east = -message.speed * cos(from_rad), -message.speed * sin(from_rad)
+        if not abs(north) + abs(east) <= FASTEST_MPS:  # true for NaN
             return
-        self._streams.received(ID_WIND)
-        from_rad = radians(message.direction)
-        self._north_mps = -message.speed * cos(from_rad)
-        self._east_mps = -message.speed * sin(from_rad)
+        self._received_s = now_s
+        self._north_mps, self._east_mps = north, east
 
     def known(self, now_s: float) -> tuple[float, float]:
         """Towards north and east, of the air [m/s]; NaN: not known."""

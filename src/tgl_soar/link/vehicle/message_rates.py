@@ -20,6 +20,8 @@ from tgl_soar.link.messages import (
     ID_SCALED_IMU,
     ID_SERVO_OUTPUT_RAW,
     ID_SYS_STATUS,
+    ID_WIND,
+    ID_WIND_COV,
     SEVERITY_WARNING,
 )
 from tgl_soar.link.sources import GLOBAL_POSITION, LOCAL_POSITION, ODOMETRY, PositionSources
@@ -104,6 +106,8 @@ class MessageRates:
                 text += ": a position that is only dead reckoned looks like any other"
             elif stream.given_up and stream.message_id == ID_GPS_RAW_INT:
                 text += ": how accurate the receiver is remains unknown"
+            elif stream.given_up and stream.message_id in (ID_WIND, ID_WIND_COV):
+                text += ": whether its wind is from the right side remains unknown"
             elif stream.given_up and stream.message_id == ID_DISTANCE_SENSOR:
                 text += ": height over the ground is not measured"
             elif word == "denied":

@@ -24,7 +24,7 @@ flight by motion capture repeats bit for bit, too.
 
 The aircraft is held at the start, in the wind, until the first override reaches a surface.
 Whenever nobody overrides the surfaces the safety pilot flies (`sim.pilot`).  An aircraft that
-hits something lies there for 3 s and is then held at the start again.
+hits something lies there for 10 s and is then held at the start again.
 
     command_line    what can be chosen, as one `BridgeOptions` (options)
     process         the program: `tools/sitl_bridge.py`, `python -m tgl_soar.sim.bridge`

@@ -303,6 +303,7 @@ BENCH: Final[Mapping[str, float]] = {
     "COM_FLTMODE6": 8,  # Stabilized
     "EKF2_GPS_DELAY": 100,
     "EKF2_FUSE_BETA": 0,
+    "EKF2_ARSP_THR": 5.0,
 }
 POSE_PARAMETERS: Final[Mapping[str, float]] = {
     "SYS_HAS_GPS": 0,

@@ -8,7 +8,7 @@ An aircraft without a propeller cannot take off.  So it is launched in the air, 
     free      when a companion commands the surfaces in the mode that obeys it
 
 While no companion commands them, a pilot flies by their transmitter (`sim.pilot`).  An aircraft
-that hits something lies there for 3 s and is then held at the start again.
+that hits something lies there for 10 s and is then held at the start again.
 """
 
 from __future__ import annotations
