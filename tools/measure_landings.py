@@ -5,12 +5,13 @@
     python tools/measure_landings.py --autopilot px4 --firmware .../bin/px4
     python tools/measure_landings.py --autopilot px4 --firmware PATH --route manual_control --by 1
 
-The shipped hill in its 7 m/s with gusts of 3 %, with a pitot tube.  The aircraft stands on line a
-for `STAYS_S`, then the operator breaks off (`ESC_START`), with `LND_BY` as `--by` names it: 0, the
-module's own approach; 1, the landing of the firmware's mission; 2, its return.  The mission has
-home and the touch-down at the site's landing place, and its approach begins at the edge of the
-lift; `--without` leaves the landing out, so that a return is no mission's.  `MADE_FIT` is what an
-operator sets of the firmware for that; `--set` has more, or other numbers.  A row of the table
+The shipped hill in its 7 m/s with gusts of 3 %, with a pitot tube but for `--no-pitot`.  The
+aircraft stands on line a for `STAYS_S`, then the operator breaks off (`ESC_START`), with `LND_BY`
+as `--by` names it: 0, the module's own approach; 1, the landing of the firmware's mission; 2, its
+return.  The mission has home and the touch-down at the site's landing place, and its approach
+begins at the edge of the lift; `--without` leaves the landing out, so that a return is no
+mission's.  `MADE_FIT` is what an operator sets of the firmware for that; `--set` has more, or
+other numbers.  A row of the table
 in docs/outdoors.md:
 
     taken      by the firmware's own mode, so long after breaking off; "–": never
@@ -34,7 +35,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from measure_beating import modes_of, parsed
+from measure_beating import NO_PITOT, modes_of, parsed
 from numpy.typing import NDArray
 
 from tgl_soar.config.files import airframe_file, load_flight, site_file
@@ -155,6 +156,7 @@ class Flown(NamedTuple):
     route: str | None
     settings: tuple[str, ...]  # of the firmware, NAME=NUMBER
     lands: bool = True  # its mission has a landing
+    pitot: bool = True  # the aircraft has a tube
 
 
 def flown(how: Flown, folder: Path, by: int, seed: int) -> tuple[Landed, str]:
@@ -178,7 +180,12 @@ def flown(how: Flown, folder: Path, by: int, seed: int) -> tuple[Landed, str]:
             autopilot=how.autopilot,
             firmware=how.firmware,
             route=how.route,
-            autopilot_parameters=(*MADE_FIT[how.autopilot], *how.settings),
+            pitot=how.pitot,
+            autopilot_parameters=(
+                *MADE_FIT[how.autopilot],
+                *(() if how.pitot else NO_PITOT[how.autopilot]),
+                *how.settings,
+            ),
             mission=mission if real else None,
             goes_home=True,
             watch_s=WATCH_S if by else 2.0,
@@ -220,6 +227,7 @@ def main() -> int:
         "--set", nargs="+", default=(), metavar="NAME=NUMBER", help="of the firmware's parameters"
     )
     parser.add_argument("--without", action="store_true", help="a landing in its mission")
+    parser.add_argument("--no-pitot", action="store_true", help="the aircraft has no tube")
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--out", type=Path, default=Path("out/landings"), help="folder")
     arguments = parsed(parser, MADE_FIT)
@@ -229,13 +237,15 @@ def main() -> int:
         route=arguments.route,
         settings=tuple(arguments.set),
         lands=not arguments.without,
+        pitot=not arguments.no_pitot,
     )
     print(f"| {' | '.join(COLUMNS)} |")
     print("|" + "--:|" * (len(COLUMNS) - 1) + "---|")
     for by in arguments.by or (0, *LANDING_MODES.get(how.autopilot, {})):
         for seed in arguments.seeds:
             mission = "" if how.lands else "-without"
-            name = f"{how.autopilot}-{how.route or 'usual'}-{by}{mission}-{seed}"
+            tube = "" if how.pitot else "-none"
+            name = f"{how.autopilot}-{how.route or 'usual'}-{by}{mission}{tube}-{seed}"
             folder = arguments.out / name
             try:
                 landed, told = flown(how, folder, by, seed)

@@ -11,6 +11,7 @@ from typing import Any
 import measure_landings
 import numpy as np
 import pytest
+from measure_beating import NO_PITOT
 from measure_landings import (
     MADE_FIT,
     Landed,
@@ -137,6 +138,7 @@ def test_the_command_prints_a_row_a_flight(
     assert rows[5].endswith("| not flown: the bridge ended |")
     assert asked[2].settings == (("LND_BY", float(BY_MISSION)),)
     assert asked[2].autopilot_parameters == (*MADE_FIT["px4"], "FW_LND_ANG=40")
+    assert asked[2].pitot
     assert asked[2].goes_home
     assert asked[2].mission == tmp_path / "px4-usual-1-1" / "mission.txt"
 
@@ -148,3 +150,21 @@ def test_a_firmware_needs_its_program(
     with pytest.raises(SystemExit):
         main()
     assert "--firmware names the program" in capsys.readouterr().err
+
+
+def test_without_a_tube_the_firmware_is_told_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[SitlOptions] = []
+
+    def fly(options: SitlOptions, _: Any) -> Any:
+        asked.append(options)
+        raise SitlError("enough")
+
+    monkeypatch.setattr(measure_landings, "fly", fly)
+    line = f"measure_landings --autopilot px4 --firmware px4 --by 0 --seeds 1 --out {tmp_path}"
+    monkeypatch.setattr(sys, "argv", [*line.split(), "--no-pitot"])
+    assert main() == 0
+    assert not asked[0].pitot
+    assert asked[0].autopilot_parameters == (*MADE_FIT["px4"], *NO_PITOT["px4"])
+    assert asked[0].out.name == "px4-usual-0-none-1"
