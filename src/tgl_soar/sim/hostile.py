@@ -23,7 +23,7 @@ RECEIVED_NAMES: Final = (
     "param_request_read", "param_set", "param_value", "setup_signing", "timesync",
     "attitude", "gps_raw_int", "statustext", "mission_item_int", "file_transfer_protocol",
     "scaled_imu2", "scaled_imu3", "ekf_status_report", "estimator_status", "distance_sensor",
-    "mission_count", "mission_current", "home_position", "param_request_list",
+    "wind", "wind_cov", "mission_count", "mission_current", "home_position", "param_request_list",
 )  # fmt: skip
 _FLOATS: Final = (nan, inf, -inf, 0.0, -0.0, 1e38, -1e38, 1e-40, 1.0, 7e6)
 _NAMES: Final = (b"OP_ENGAGE", b"TGL_X", b"TGL_LEAN", b"", b"\xff" * 16, b"RC_OVERRIDE_TIM\x00")
