@@ -162,7 +162,7 @@ NAMED: Final = (
     ),
     Named(
         "link/session.py",
-        "        self.receiver.restarted()\n        self.vehicle.rebase(now_s)",
+        "        self.wind.restarted()\n        self.vehicle.rebase(now_s)",
         "        self.vehicle.rebase(now_s)",
         "the receiver's accuracy outlives the clock",
     ),

@@ -25,9 +25,10 @@ DIFFER_M = 10.0  # what two receivers differ by, beside half of the strip
 
 
 def at(mode: int, time_s: float, z_m: float = 50.0) -> Output:
-    """A tick, well above everything."""
-    vehicle = BLANK.vehicle._replace(z_m=z_m)
-    return BLANK._replace(mode=mode, active=mode == LANDING, time_s=time_s, vehicle=vehicle)
+    """A tick, well above everything, in the wind that the firmware reports."""
+    vehicle, air = BLANK.vehicle._replace(z_m=z_m), BLANK.air._replace(wind_mps=8.0)
+    active = mode == LANDING
+    return BLANK._replace(mode=mode, active=active, time_s=time_s, vehicle=vehicle, air=air)
 
 
 def read(firmware: Firmware, landing: Any, mode: int = READY) -> None:
