@@ -38,17 +38,21 @@ TURBULENCE: Final = 0.01
 END_S: Final = 10.0  # over which the last climb is averaged
 
 
+def started_at(text: str, x_m: float, z_m: float) -> str:
+    """A site file with another start."""
+    for axis, value in (("x", x_m), ("z", z_m)):
+        text = re.sub(rf"(?m)(?<=^\[start\]\n)((?:.*\n)*?){axis}_m = .*$",
+                      rf"\g<1>{axis}_m = {value}", text, count=1)  # fmt: skip
+    return text
+
+
 def options(
     arguments: argparse.Namespace, start: tuple[float, float], seed: int, folder: Path
 ) -> SitlOptions:
     """One search."""
-    text = shipped("sites/hill.toml").read_text()
-    for axis, value in zip("xz", start, strict=True):
-        text = re.sub(rf"(?m)(?<=^\[start\]\n)((?:.*\n)*?){axis}_m = .*$",
-                      rf"\g<1>{axis}_m = {value}", text, count=1)  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     site = folder / "start.toml"
-    site.write_text(text)
+    site.write_text(started_at(shipped("sites/hill.toml").read_text(), *start))
     return SitlOptions(
         airframe=shipped("airframes/eclipson_c.toml"),
         site=site,

@@ -24,17 +24,18 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from math import cos, nan, radians, sin
+from math import nan, radians
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 from measure_beating import parsed
+from measure_search import started_at
 from numpy.typing import NDArray
 
 from tgl_soar.analysis.logs.ulog_reader import read_log
 from tgl_soar.config.files import shipped
-from tgl_soar.control.target_line import eta_from_lean
+from tgl_soar.control.target_line import e_rho, eta_from_lean
 from tgl_soar.sim.sitl import fly
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
@@ -66,10 +67,9 @@ class Pushed(NamedTuple):
 
 def site_text(hill: str) -> str:
     """The shipped hill, with the place of `PLACE` in the wind of `WIND_MPS`, and no contour."""
-    text = re.sub(r"(?ms)^# Where excess updraft is zero.*", "", hill)
+    text = re.sub(r"(?ms)^# Where excess updraft is zero.*", "", started_at(hill, *PLACE))
     text = re.sub(r"(?m)^wind_mps = .*$", f"wind_mps = {WIND_MPS}", text, count=1)
     for axis, value in zip("xz", PLACE, strict=True):
-        text = re.sub(rf"(?m)^{axis}_m = .*$", f"{axis}_m = {value}", text, count=1)
         text = re.sub(rf"(?m)^TGL_{axis.upper()} = .*$", f"TGL_{axis.upper()} = {value}", text)
     line = "a = {{ x_m = {}, z_m = {} }}".format(*PLACE)
     return re.sub(r"(?ms)^\[lines\]\n.*?\n\n", f"[lines]\n{line}\n\n", text)
@@ -83,12 +83,12 @@ def outcome(truth: dict[str, Floats], used_s: float) -> Pushed:
     times = truth["time_s"]
     step_s = float(times[1] - times[0])
     eta = eta_from_lean(radians(LEAN_DEG))
-    x, z = truth["x_m"][flies] - PLACE[0], truth["z_m"][flies] - PLACE[1]
-    off = -x * sin(eta) + z * cos(eta)
+    x, z = truth["x_m"][flies], truth["z_m"][flies]
+    off = [e_rho(*PLACE, eta, *at) for at in zip(x, z, strict=True)]
     return Pushed(
         flown_s=float(flies.sum() * step_s),
-        heights_m=(float(z.min()) + PLACE[1], float(z.max()) + PLACE[1]),
-        e_rho_m=float(np.sqrt(np.mean(off**2))),
+        heights_m=(float(z.min()), float(z.max())),
+        e_rho_m=float(np.sqrt(np.mean(np.square(off)))),
         moved_s=float(truth["throttle"][flies].sum() * step_s),
         used_s=used_s,
     )

@@ -135,7 +135,8 @@ class FirmwareLanding:
         if not self._unfit:
             if by == BY_MISSION and self._unfit == "" and self._tries == 0:
                 self._unfit = self._too_near_home(output)
-            self._unfit = self._unfit or self._wrong_wind or self._unfit
+            if self._wrong_wind and not self._unfit:
+                self._unfit = self._wrong_wind
             if self._wrong_wind is None and output.time_s - self._wind_wanted_s < WAITS_S:
                 return
         if self._unfit or (by == BY_MISSION and self._unfit is None):
@@ -245,11 +246,12 @@ class FirmwareLanding:
             self._wrong_wind = found
         if output.mode in (STANDBY, READY):
             self._wind_reported = False
-        elif self._wrong_wind and is_flying(output.mode) and not goes_home(output.mode):
-            if not self._wind_reported:
-                text = f"of the autopilot: {self._wrong_wind}; its own modes fly downwind"
-                self._outbox.tell(SEVERITY_WARNING, text)
+        elif self._wind_reported or not self._wrong_wind:
+            return
+        elif is_flying(output.mode) and not goes_home(output.mode):
             self._wind_reported = True
+            text = f"of the autopilot: {self._wrong_wind}; its own modes fly downwind"
+            self._outbox.tell(SEVERITY_WARNING, text)
 
     def _against_ours(self, output: Output) -> str | None:
         """ "": its wind is from our side; None: nobody can say."""

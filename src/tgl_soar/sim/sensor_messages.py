@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.site import HomePosition
 from tgl_soar.sim.sensors import RangeParams
-from tgl_soar.types import AirspeedSample, ImuSample, PositionFix, RangeSample
+from tgl_soar.types import AirspeedSample, AttitudeSample, ImuSample, PositionFix, RangeSample
 
 MILLI_G_MPS2: Final = 9.80665e-3
 PITOT_READ_S: Final = 0.1
@@ -59,6 +59,20 @@ def scaled_imu(sample: ImuSample, time_ms: int) -> Any:
     force = thousandths(sample.force_frd_mps2, 1e3 * MILLI_G_MPS2)
     return mavlink.MAVLink_scaled_imu_message(
         time_ms, *force, *thousandths(sample.rates_frd_radps), 0, 0, 0, 2500
+    )
+
+
+def attitude_quaternion(sample: AttitudeSample, time_ms: int) -> Any:
+    """ATTITUDE_QUATERNION: as it was sampled."""
+    return mavlink.MAVLink_attitude_quaternion_message(
+        time_ms, *sample.quaternion, *sample.rates_frd_radps
+    )
+
+
+def local_position_ned(fix: PositionFix, time_ms: int) -> Any:
+    """LOCAL_POSITION_NED: as it was fixed."""
+    return mavlink.MAVLink_local_position_ned_message(
+        time_ms, *fix.place_ned_m, *fix.velocity_ned_mps
     )
 
 

@@ -25,8 +25,9 @@ from tgl_soar.link.clock import MILLISECONDS_WRAP_S
 from tgl_soar.onboard.module import ModuleOptions, Onboard
 from tgl_soar.onboard.setup import setup_from
 from tgl_soar.sim.channels import deflection_from_pwm
+from tgl_soar.sim.sensor_messages import attitude_quaternion, local_position_ned
 from tgl_soar.sim.world import make_world
-from tgl_soar.types import PositionFix, SurfaceCommand
+from tgl_soar.types import SurfaceCommand
 
 TURBULENCE: Final = 0.01
 ENGAGED_S: Final = 2.0  # when the operator engages; the aircraft is held until then
@@ -147,7 +148,8 @@ def fly_long(
             deliver(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), wire.vehicle)
         if world.position.sequence != last_position:
             last_position = world.position.sequence
-            deliver(_position_message(world.position, begun_s), wire.vehicle)
+            fix = world.position
+            deliver(local_position_ned(fix, _ms(begun_s + fix.time_s)), wire.vehicle)
         if not engaged and world.time_s >= ENGAGED_S:
             engaged = True
             deliver(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9), wire.station)
@@ -155,12 +157,7 @@ def fly_long(
             last_attitude = world.attitude.sequence
             sample = world.attitude
             flight.expected_ticks += 1
-            deliver(
-                mavlink.MAVLink_attitude_quaternion_message(
-                    _ms(begun_s + sample.time_s), *sample.quaternion, *sample.rates_frd_radps
-                ),
-                wire.vehicle,
-            )
+            deliver(attitude_quaternion(sample, _ms(begun_s + sample.time_s)), wire.vehicle)
         if wire.command is not None:
             world.held = False
         output = onboard.output
@@ -188,13 +185,6 @@ def fly_long(
     flight.lost = onboard.decoder.counters.lost
     flight.wrapped = begun_s + world.time_s > MILLISECONDS_WRAP_S
     return flight
-
-
-def _position_message(fix: PositionFix, begun_s: float) -> Any:
-    stamp_ms = _ms(begun_s + fix.time_s)
-    return mavlink.MAVLink_local_position_ned_message(
-        stamp_ms, *fix.place_ned_m, *fix.velocity_ned_mps
-    )
 
 
 def _ms(time_s: float) -> int:

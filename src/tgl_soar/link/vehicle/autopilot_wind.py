@@ -1,4 +1,4 @@
-"""What wind the autopilot believes in: PX4's WIND_COV, or ArduPlane's WIND.
+"""What wind the autopilot estimates: PX4's WIND_COV, or ArduPlane's WIND.
 
 Asked for once somebody wants it, for only what flies by the autopilot's own modes depends on it.
 ArduPlane's direction is that from which the wind blows, in degrees; PX4's components are those of

@@ -14,10 +14,12 @@ from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.channels import CHANNELS
 from tgl_soar.sim.sensor_messages import (
     ShownAirspeed,
+    attitude_quaternion,
     distance_sensor,
     global_position,
     gps_raw_int,
     highres_imu,
+    local_position_ned,
     raw_imu,
     scaled_imu,
 )
@@ -198,9 +200,7 @@ class VehicleReports:
 
     def _attitude_quaternion(self) -> Any:
         sample = self.sensed.attitude
-        return mavlink.MAVLink_attitude_quaternion_message(
-            self._clock.boot_ms(sample.time_s), *sample.quaternion, *sample.rates_frd_radps
-        )
+        return attitude_quaternion(sample, self._clock.boot_ms(sample.time_s))
 
     def _attitude(self) -> Any:
         sample = self.sensed.attitude
@@ -212,9 +212,7 @@ class VehicleReports:
 
     def _local_position(self) -> Any:
         fix = self.sensed.position
-        return mavlink.MAVLink_local_position_ned_message(
-            self._clock.boot_ms(fix.time_s), *fix.place_ned_m, *fix.velocity_ned_mps
-        )
+        return local_position_ned(fix, self._clock.boot_ms(fix.time_s))
 
     def _odometry(self) -> Any:
         fix = self.sensed.position
