@@ -34,6 +34,7 @@ def test_line_by_line_is_as_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None
         9.0 + 0.6 * rng.normal(size=(3, nodes)),
         np.array([[-0.5], [1.0], [3.0]]) + 0.3 * rng.normal(size=(3, nodes)),
         np.array([0.9, 1.0, 1.1]),
+        np.array([1.1, 0.85, 1.0]),
     )
     guards = Guards(
         box=there.box,

@@ -18,6 +18,8 @@ def fly_lines(
     wind: FloatArray,
     updraft: FloatArray,
     scale: FloatArray,
+    ends: FloatArray,
+    grown: FloatArray,
     polar: GlidePolar,
     within: Within,
     begin: Ahead,
@@ -29,6 +31,8 @@ def fly_lines(
 ) -> None:
     """Fly n lines in m fields (m · nodes,) of these scales (m,) of sink.
 
+    ends, (m,): the wind at the end, as a multiple of that at the beginning; grown, (steps,): how
+    much of that there is in each step.
     targets, (4, n): x, z, sine and cosine of the inclination; sines, cosines, (steps, n): of the
     line in each step; flown, (m, n, 6), is filled: when it failed, climb, x, z, margin and the
     airspeed's margin.
@@ -55,6 +59,7 @@ def fly_lines(
                     within=within,
                     slide=slide,
                     now=at,
+                    change=1.0 + (ends[i] - 1.0) * grown[n],
                     dt_s=dt_s,
                 )
                 margin_m = min(margin_m, at.margin_m)

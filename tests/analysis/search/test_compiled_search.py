@@ -34,6 +34,7 @@ def test_compiled_rollouts_are_the_plain_ones_to_the_last_bit(kind: str) -> None
         9.0 + 0.6 * rng.normal(size=(11, nodes)),
         np.linspace(-0.5, 3.0, 11)[:, None] + 0.3 * rng.normal(size=(11, nodes)),
         rng.uniform(0.9, 1.1, 11),
+        rng.uniform(0.8, 1.2, 11),
     )
     guards = Guards(
         box=there.box,

@@ -99,32 +99,37 @@ STILL = Ahead(x_m=0.5, z_m=4.0, climb_mps=0.2, speed_mps=0.1, margin_m=inf, asid
 
 
 def stepped(
-    now: Ahead = STILL, eta: float = ETA, scale: float = 1.1, dt_s: float = DT_S, **within: Any
+    now: Ahead = STILL,
+    eta: float = ETA,
+    scale: float = 1.1,
+    change: float = 1.0,
+    dt_s: float = DT_S,
+    **within: Any,
 ) -> Ahead:
     way = LineWay(
         x_m=-3.0, z_m=10.0, sine=sin(ETA), cosine=cos(ETA), sine_now=sin(eta), cosine_now=cos(eta)
     )
     return ahead_step(
         *(MESH, WINDS.ravel(), UPDRAFTS.ravel(), 0, POLAR, scale),
-        *(WITHIN._replace(**within), way, now, dt_s),
+        *(WITHIN._replace(**within), way, now, change, dt_s),
     )
 
 
 @pytest.mark.parametrize("eta_deg", [95.0, 105.0, 125.0])
 @pytest.mark.parametrize("climb_mps", [-0.6, 0.4])
-@pytest.mark.parametrize("scale", [0.9, 1.1])
+@pytest.mark.parametrize(("scale", "change"), [(0.9, 1.0), (1.1, 1.0), (1.0, 0.93)])
 def test_a_step_solves_the_page_s_equations_implicitly(
-    eta_deg: float, climb_mps: float, scale: float
+    eta_deg: float, climb_mps: float, scale: float, change: float
 ) -> None:
     """n · (ẋ, ż) = v, and ż = w − (1 + p) S(V) + (V/g) ẍ with ẍ from climb and line."""
     eta = radians(eta_deg)
     now = STILL._replace(climb_mps=climb_mps)
-    found = stepped(now, eta, scale)
+    found = stepped(now, eta, scale, change)
     s, c, v = sin(eta), cos(eta), float(found.speed_mps)
     assert v == pytest.approx(0.1 + ACCELERATION_MPS2 * DT_S)
     place = [(now.x_m, now.z_m)]
-    u = float(RegularGridInterpolator((X, Z), WINDS[0])(place)[0])
-    w = float(RegularGridInterpolator((X, Z), UPDRAFTS[0])(place)[0])
+    u = change * float(RegularGridInterpolator((X, Z), WINDS[0])(place)[0])
+    w = change * float(RegularGridInterpolator((X, Z), UPDRAFTS[0])(place)[0])
     airspeed = u - (climb_mps * c - v) / s
 
     def off(climb: float) -> float:
@@ -144,7 +149,7 @@ def test_an_upright_line_has_a_short_lag_and_no_air_is_slower_than_1_mps() -> No
     way = LineWay(x_m=-9.0, z_m=4.0, sine=1.0, cosine=0.0, sine_now=1.0, cosine_now=0.0)
     for wind, airspeed in ((9.0, 9.5), (0.1, 1.0), (-3.0, 1.0)):
         found = ahead_step(
-            *(MESH, np.full(30, wind), np.zeros(30), 0, POLAR, 1.0, WITHIN, way, upright, DT_S)
+            *(MESH, np.full(30, wind), np.zeros(30), 0, POLAR, 1.0, WITHIN, way, upright, 1.0, DT_S)
         )
         goal = -float(sink(POLAR, airspeed))
         assert found.climb_mps == pytest.approx((0.2 + 5.0 * goal) / 6.0)

@@ -37,7 +37,7 @@ from tgl_soar.control.search.search import (
     SOARS_WORTH,
     SearchState,
     is_lost,
-    keep_worth,
+    kept,
     plan_due,
     search_step,
     started,
@@ -353,10 +353,21 @@ def test_a_line_has_to_be_as_good_as_a_claim_once_it_had_the_time_for_one() -> N
     state = after(4.0)
     wait = after(CLAIM_S + 0.4, GOOD._replace(stay_chance=0.7))
     # Of a line that soars in so many fields and fails in the others.
-    for kept, chance in ((state, KEEP_CHANCE), (wait, CLAIM_CHANCE)):
+    for at, chance in ((state, KEEP_CHANCE), (wait, CLAIM_CHANCE)):
         worth = chance * SOARS_WORTH + (1.0 - chance) * FAILS_WORTH
-        assert keep_worth(kept) == pytest.approx(worth)
-    assert keep_worth(state) < 0.5 < keep_worth(wait)
+        assert kept(at).worth == pytest.approx(worth)
+    assert kept(state).worth < 0.5 < kept(wait).worth
+
+
+def test_a_line_is_tried_for_six_seconds_before_a_weaker_wind_counts_and_a_claim_stays() -> None:
+    weak = GOOD._replace(stay_falls=False)
+    assert not kept(after(CLAIM_S - 0.4, weak)).weaker
+    tried = after(CLAIM_S + 0.4, weak)
+    assert tried.status == LOOKING
+    assert kept(tried).weaker
+    claimed = after(CLAIM_S + 0.4)
+    assert claimed.status == SOARING
+    assert not kept(claimed).weaker
 
 
 def test_two_seconds_without_a_line_are_two_seconds_when_plans_are_rare_too() -> None:

@@ -12,6 +12,7 @@ from tgl_soar.control.search.plan import (
     DISTANCES,
     FACTORS,
     HOLDS_S,
+    Keep,
     Leeway,
     allowed,
     candidates,
@@ -33,7 +34,7 @@ def lift_at(x_m: float, peak_mps: float, wind_mps: float = 9.0, copies: int = 4)
     x, z = np.meshgrid(GRID.x_m, GRID.z_m, indexing="ij")
     w = peak_mps * np.exp(-0.5 * ((x - x_m) / 3.0) ** 2) - 0.05 * (z - 10.0)
     rows = np.repeat(w.reshape(1, -1), copies, axis=0)
-    return Fields(np.full_like(rows, wind_mps), rows, np.ones(copies))
+    return Fields(np.full_like(rows, wind_mps), rows, np.ones(copies), np.ones(copies))
 
 
 def test_it_stays_where_it_soars() -> None:
@@ -53,11 +54,11 @@ def test_over_a_slope_too_the_rim_is_the_height_at_which_it_gives_up() -> None:
     grid = Grid(FlowBasis(slope, guards.box), slope)
     _, z = np.meshgrid(grid.x_m, grid.z_m, indexing="ij")
     w = polar_sink(POLAR, 9.0) + 0.3 * (7.5 - z.reshape(1, -1).repeat(4, axis=0))
-    fields = Fields(np.full_like(w, 9.0), w, np.ones(4))
+    fields = Fields(np.full_like(w, 9.0), w, np.ones(4), np.ones(4))
     here = TargetLine(0.0, 7.5, ETA)
     still = at_rest()._replace(z_m=7.5)
     still = still._replace(line=still.line._replace(z_m=7.5))
-    plan = plan_in(grid, fields, POLAR, guards, still, here, 0.001, keep_worth=-9.0)
+    plan = plan_in(grid, fields, POLAR, guards, still, here, 0.001, keep=Keep(-9.0, weaker=False))
     assert plan.stay_chance == 1.0
     assert plan.holds_s > HOLDS_S
     assert plan.worth > 1.0
@@ -203,18 +204,20 @@ def test_likely_fields_are_the_mean_in_three_winds_and_the_draws() -> None:
     draws = np.zeros((2, count))
     draws[:, 0], draws[1, GRID.basis.sink_scale] = 8.0, 0.1
     fields = likely_fields(GRID, mean, draws)
-    assert fields.wind_mps[:, 0] == pytest.approx([9.0 * f for f in FACTORS] + [8.0, 8.0])
+    assert fields.wind_mps[:, 0] == pytest.approx([9.0, 9.0, 9.0, 8.0, 8.0])
+    assert fields.ends == pytest.approx([*FACTORS, 1.0, 1.0])
     assert fields.sink_scale == pytest.approx([1.0, 1.0, 1.0, 1.0, 1.1])
     assert radians(15.0) + 0.5 * np.pi == pytest.approx(ETA)
 
 
-def test_fields_are_what_the_wind_s_trend_will_have_made_of_them() -> None:
+def test_fields_end_as_what_the_wind_s_trend_will_have_made_of_them() -> None:
     mean = np.zeros(GRID.basis.count)
     mean[0] = 9.0
     draws = np.tile(mean, (3, 1))
     fields = likely_fields(GRID, mean, draws, 0.95, np.array([0.9, 1.05, 0.5]))
     factors = [*(0.95 * f for f in FACTORS), 0.9, 1.05, 0.8]  # no trend is trusted without end
-    assert fields.wind_mps[:, 0] == pytest.approx([9.0 * f for f in factors])
+    assert fields.ends == pytest.approx(factors)
+    assert fields.wind_mps[:, 0] == pytest.approx([9.0] * 6)
 
 
 def test_a_line_on_which_it_would_have_given_up_does_not_soar() -> None:
@@ -243,8 +246,26 @@ def test_a_line_that_will_do_is_not_left_for_a_better_one() -> None:
     free = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4)
     assert not free.stays
     assert free.stay_chance == 1.0
-    kept = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4, keep_worth=0.5)
+    kept = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4, keep=Keep(0.5, weaker=False))
     assert kept.stays
     assert 0.5 < kept.worth < free.worth
-    better = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4, keep_worth=1.2)
+    better = plan_in(
+        GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4, keep=Keep(1.2, weaker=False)
+    )
     assert better == free
+
+
+def test_a_line_that_had_its_time_is_left_if_a_weaker_wind_would_leave_it() -> None:
+    """It soars in every field but that of a wind of 0.9, the second."""
+    good, weak = lift_at(-1.5, 1.8, copies=1), lift_at(-4.5, 1.8, copies=1)
+    fields = Fields(*(np.concatenate(p) for p in zip(good, weak, good, good, strict=True)))
+    given = (GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4)
+    tried = plan_in(*given, keep=Keep(0.5, weaker=False))
+    assert tried.stays
+    assert not tried.stay_falls
+    left = plan_in(*given, keep=Keep(0.5, weaker=True))
+    assert not left.stays
+    assert left.worth > tried.worth + 0.3
+    firm = plan_in(GRID, lift_at(-1.5, 1.8), *given[2:], keep=Keep(0.5, weaker=True))
+    assert firm.stays
+    assert firm.stay_falls

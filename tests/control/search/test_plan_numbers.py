@@ -16,6 +16,7 @@ from test_rollout import BOX, ETA, GRID, GUARDS, POLAR, at_rest
 from tgl_soar.control.search import plan
 from tgl_soar.control.search.plan import (
     ANY_LINE,
+    Keep,
     Leeway,
     LinePlan,
     allowed,
@@ -32,7 +33,7 @@ from tgl_soar.estimation.lift_map.basis import Floats
 H = BOX.height_m
 HORIZON_S = 10.0
 TARGET = TargetLine(0.7, 10.0, ETA)
-AIR = Fields(np.full((4, 1), 9.0), np.zeros((4, 1)), np.ones(4))
+AIR = Fields(np.full((4, 1), 9.0), np.zeros((4, 1)), np.ones(4), np.ones(4))
 
 # --- the worth of one ---------------------------------------------------------------------------
 
@@ -219,9 +220,10 @@ def test_fields_are_of_three_winds_and_of_no_trend_beyond_a_fifth() -> None:
     fields = likely_fields(
         GRID, mean, np.tile(mean, (4, 1)), 1.05, np.array([0.7, 0.81, 1.19, 1.3])
     )
-    assert fields.wind_mps[:, 0] == pytest.approx([10.5, 9.45, 11.55, 8.0, 8.1, 11.9, 12.0])
+    assert fields.ends == pytest.approx([1.05, 0.945, 1.155, 0.8, 0.81, 1.19, 1.2])
     usual = likely_fields(GRID, mean, mean[None])
-    assert usual.wind_mps[:, 0] == pytest.approx([10.0, 9.0, 11.0, 10.0])
+    assert usual.ends == pytest.approx([1.0, 0.9, 1.1, 1.0])
+    assert usual.wind_mps[:, 0] == pytest.approx([10.0] * 4)
 
 
 def test_rollouts_look_ahead_for_eight_seconds_and_a_glide_through_the_box() -> None:
@@ -301,12 +303,12 @@ def test_moving_has_its_price(flown: Flown) -> None:
             assert found.lasts_s == pytest.approx(times_s[0 if stays else i])
 
 
-@pytest.mark.parametrize(("keep_worth", "stays"), [(-0.96, True), (-0.94, False)])
-def test_a_line_that_is_good_enough_is_kept(flown: Flown, keep_worth: float, stays: bool) -> None:
+@pytest.mark.parametrize(("worth", "stays"), [(-0.96, True), (-0.94, False)])
+def test_a_line_that_is_good_enough_is_kept(flown: Flown, worth: float, stays: bool) -> None:
     times_s = np.full(flown.count, 0.1 * horizon_of(H))
     times_s[3] = horizon_of(H)
     flown.lost_at(times_s)
-    assert flown.plan(keep_worth=keep_worth).stays == stays
+    assert flown.plan(keep=Keep(worth, weaker=False)).stays == stays
 
 
 def test_the_best_is_told_of_as_it_is_in_the_mean_field(flown: Flown) -> None:
@@ -335,17 +337,17 @@ def test_the_best_is_told_of_as_it_is_in_the_mean_field(flown: Flown) -> None:
 def test_a_place_that_gusts_leave_in_five_minutes_is_worth_less(
     flown: Flown, holds_s: float, less: float
 ) -> None:
-    best = flown.plan(keep_worth=-9.0)
+    best = flown.plan(keep=Keep(-9.0, weaker=False))
     assert best.worth == pytest.approx(1.5)
     flown.holds_s[:] = holds_s
-    assert flown.plan(keep_worth=-9.0).worth == pytest.approx(1.5 - less)
+    assert flown.plan(keep=Keep(-9.0, weaker=False)).worth == pytest.approx(1.5 - less)
     # Where the mean field does not soar there is no well: less worth it is already.
     climbs = flown.out.climb_mps.copy()
     climbs[0] = -0.1
     flown.out = flown.out._replace(climb_mps=climbs)
-    sinks = flown.plan(keep_worth=-9.0).worth
+    sinks = flown.plan(keep=Keep(-9.0, weaker=False)).worth
     flown.holds_s[:] = 1e9
-    assert flown.plan(keep_worth=-9.0).worth == sinks
+    assert flown.plan(keep=Keep(-9.0, weaker=False)).worth == sinks
 
 
 @pytest.mark.parametrize(("climb_mps", "soars"), [(-0.039, True), (-0.041, False), (0.5, True)])

@@ -17,6 +17,7 @@ from tgl_soar.control.search.rollout import (
     Moving,
     Rollouts,
     floor_at,
+    grown,
     roll_out,
     turning,
     wells,
@@ -47,7 +48,7 @@ def fields(updraft_at_10_m: float, per_m: float, wind_mps: float = WIND_MPS) -> 
     """Level wind everywhere, an updraft that changes with height."""
     _, z = np.meshgrid(GRID.x_m, GRID.z_m, indexing="ij")
     w = updraft_at_10_m + per_m * (z - 10.0)
-    return Fields(np.full((1, z.size), wind_mps), w.reshape(1, -1), np.ones(1))
+    return Fields(np.full((1, z.size), wind_mps), w.reshape(1, -1), np.ones(1), np.ones(1))
 
 
 def at_rest(x_m: float = 0.0, z_m: float = 10.0) -> Moving:
@@ -119,6 +120,29 @@ def test_a_line_arrives_as_the_module_moves_it() -> None:
 @pytest.mark.parametrize("wind_mps", [6.8, 13.5])
 def test_too_slow_and_too_fast_is_lost(wind_mps: float) -> None:
     assert flown(fields(3.0, -0.3, wind_mps)).failed_s[0, 0] < 1.0
+
+
+def test_a_wind_that_weakens_does_so_on_the_way_and_not_at_once() -> None:
+    """By 1 − e^(−t/5 s) of all there is in the horizon: from 8 m/s to 7.2, it is below the polar's
+    slowest 7.3 when seven eighths are gone, or a little sooner, as it sinks down the line then; a
+    step would have lost it in the first moment."""
+    air = fields(polar_sink(POLAR, 8.0), 0.0, 8.0)._replace(ends=np.array([0.9]))
+    out = flown(air, horizon_s=20.0)
+    whole = 1.0 - np.exp(-20.0 / 5.0)
+    slowest_s = -5.0 * np.log(1.0 - 0.875 * whole)
+    assert 0.8 * slowest_s < out.failed_s[0, 0] < slowest_s
+    gone = grown(20.0, 200)
+    assert gone[-1] == 1.0
+    assert gone[49] == pytest.approx((1.0 - np.exp(-1.0)) / whole)
+    # Its updraft as well: at 12 m/s it sinks in the end by what a tenth less carries less.
+    fast = fields(polar_sink(POLAR, 12.0), 0.0, 12.0)
+    steady, weaker = flown(fast), flown(fast._replace(ends=np.array([0.97])))
+    assert weaker.climb_mps[0, 0] == pytest.approx(
+        (0.97 * polar_sink(POLAR, 12.0) - polar_sink(POLAR, 0.97 * 12.0))
+        / (1.0 - polar_slope(POLAR, 0.97 * 12.0) * cos(ETA) / sin(ETA)),
+        rel=0.1,
+    )
+    assert abs(steady.climb_mps[0, 0]) < 1e-6
 
 
 def test_the_fence_and_a_hill_in_the_way_are_lost() -> None:
@@ -252,6 +276,14 @@ def test_a_place_holds_for_kramers_time_or_for_that_of_gusts_alone(
     # In the first field alone, and with its own scale of the sink.
     both = Fields(*(np.concatenate([part, 3.0 * part]) for part in air))
     assert wells(RAISED, both, POLAR, GUARDS, lines, *at, diffusion_m2ps) == well
+    # In the wind that there will be.
+    ended = wells(
+        RAISED, air._replace(ends=np.array([1.1])), POLAR, GUARDS, lines, *at, diffusion_m2ps
+    )
+    later = air._replace(wind_mps=1.1 * air.wind_mps, updraft_mps=1.1 * air.updraft_mps)
+    expected_then = wells(RAISED, later, POLAR, GUARDS, lines, *at, diffusion_m2ps)
+    assert np.array(ended) == pytest.approx(np.array(expected_then), rel=1e-9)
+    assert ended.depth_m2ps[0] != pytest.approx(well.depth_m2ps[0], rel=0.01)
     sinking = wells(
         RAISED, air._replace(sink_scale=np.array([1.5])), POLAR, GUARDS, lines, *at, 1.5
     )

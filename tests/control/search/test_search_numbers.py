@@ -16,7 +16,7 @@ from tgl_soar.control.search.search import (
     SearchState,
     climb_s,
     is_lost,
-    keep_worth,
+    kept,
     plan_due,
     search_step,
     started,
@@ -156,8 +156,8 @@ def test_one_field_in_eleven_is_no_hope(fields: int, hopeless: bool) -> None:
 def test_the_worth_of_a_line_that_is_kept_is_that_of_its_chances() -> None:
     """Of one that soars, 1 and some margin, and of one that fails early, -1 and some time: the mean
     for as likely as not, and of four in five once it had its six seconds."""
-    assert keep_worth(still(5.9)) == pytest.approx(0.5 * 1.2 + 0.5 * -0.6)
-    assert keep_worth(still(6.1)) == pytest.approx(0.8 * 1.2 + 0.2 * -0.6)
+    assert kept(still(5.9)).worth == pytest.approx(0.5 * 1.2 + 0.5 * -0.6)
+    assert kept(still(6.1)).worth == pytest.approx(0.8 * 1.2 + 0.2 * -0.6)
 
 
 # --- lost ---------------------------------------------------------------------------------------

@@ -112,6 +112,7 @@ class Oracle:
                 wind_mps=np.stack([f[0] for f in fields]),
                 updraft_mps=np.stack([f[1] for f in fields]),
                 sink_scale=np.full(2, self.place.sink_factor),
+                ends=np.ones(2),
             )
             gusts = self.place.site.air.turbulence.intensity  # type: ignore[union-attr]
             wind = self.place.field.reference_wind_mps

@@ -145,13 +145,16 @@ def ahead_step(
     within: Within,
     slide: LineWay,
     now: Ahead,
+    change: Numbers,
     dt_s: float,
 ) -> Ahead:
-    """Go on by dt_s; scale: of the polar's sink; wind, updraft, first: as `air_at` has them."""
+    """Go on by dt_s; scale: of the polar's sink; wind, updraft, first: as `air_at` has them, times
+    change by now."""
     sine, cosine = slide.sine_now, slide.cosine_now
     x, z, climb = now.x_m, now.z_m, now.climb_mps
     speed = line_speed(within, slide, x, z, now.speed_mps, dt_s)
     u, w = air_at(mesh, wind, updraft, first, x, z)
+    u, w = change * u, change * w
     vx = (climb * cosine - speed) / sine
     airspeed = np.maximum(u - vx, SLOWEST_MPS)
     lag = np.maximum(airspeed * (-cosine / sine / GRAVITY_MPS2), LAG_LEAST_S)

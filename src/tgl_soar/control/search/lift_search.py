@@ -24,7 +24,7 @@ from tgl_soar.control.search.plan import (
 from tgl_soar.control.search.rollout import Grid, Guards, Moving, RollOut, floor_at, roll_out
 from tgl_soar.control.search.search import (
     SearchState,
-    keep_worth,
+    kept,
     plan_due,
     search_step,
     started,
@@ -239,7 +239,7 @@ class LiftSearch:
             now=look.moving,
             target=state.target,
             diffusion_m2ps=diffusion,
-            keep_worth=keep_worth(state),
+            keep=kept(state),
             roll=self.roll,
             leeway=Leeway(*self.leans_rad, tuple(line for _, line in self._refused)),
         )

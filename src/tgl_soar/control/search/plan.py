@@ -1,9 +1,9 @@
 """Which line is best: every candidate flown ahead in every field that may be.
 
 Fields: the map's mean, draws from its posterior (SPREAD wider than it claims), and the mean in a
-wind of 0.9 and 1.1; each as the wind's trend will have made it.  Candidates: stay on the line's
-target, stop where the line is, and lines at distances from the aircraft to both sides, at the
-line's lean and at others.
+wind that becomes 0.9 and 1.1 of it; in each the wind becomes what its trend will have made it.
+Candidates: stay on the line's target, stop where the line is, and lines at distances from the
+aircraft to both sides, at the line's lean and at others.
 
 The worth of a rollout
 
@@ -18,8 +18,8 @@ line's own lean that place, at another one that lean, which the loop's margin re
 
 Guards are the fence, the polar's ends, and the ground: not its clearance alone but the height over
 it at which the search gives up.  The best mean worth wins, less a small price on moving, where the
-present line is not good enough.  A place whose well would let gusts carry the aircraft out within
-HOLDS_S is worth less by up to 1.
+present line is not good enough (`Keep`).  A place whose well would let gusts carry the aircraft out
+within HOLDS_S is worth less by up to 1.
 
 Rollouts fly through air that is a little slower than the polar's slow end, but no aircraft is held
 there: below it sink grows as it slows, and a lull of a second, in which an aircraft at V loses what
@@ -32,7 +32,7 @@ says, and is worth so much less.
 
 from __future__ import annotations
 
-from math import cos, pi, radians, sin
+from math import cos, inf, pi, radians, sin
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -55,6 +55,7 @@ from tgl_soar.types import GlidePolar
 DRAWS: Final = 8
 SPREAD: Final = 1.3  # of the posterior: the far field is overconfident
 FACTORS: Final = (1.0, 0.9, 1.1)  # of the wind in the mean field
+WEAKER: Final = 1  # of these fields, the one in the weaker wind
 FORESEEN: Final = (0.8, 1.2)  # the most that a wind is foreseen to change
 STEPS: Final = 64  # of a rollout
 HORIZON_S: Final = 8.0
@@ -133,6 +134,16 @@ class Leeway(NamedTuple):
 ANY_LINE: Final = Leeway()
 
 
+class Keep(NamedTuple):
+    """When the present line is kept, whatever others are worth."""
+
+    worth: float  # from which on
+    weaker: bool  # only where it holds the aircraft in a wind of 0.9 as well
+
+
+NEVER: Final = Keep(worth=inf, weaker=False)
+
+
 def allowed(lines: Lines, now: Moving, height_m: float, leeway: Leeway) -> Lines:
     """The candidates that may be chosen; the first, the present target, always may."""
     etas = lines.eta_rad
@@ -153,7 +164,8 @@ def likely_fields(
 ) -> Fields:
     """The mean field as it is and in other winds, and the draws (m, n): the mean is first.
 
-    ahead, draws_ahead (m,): the wind that is foreseen, as a multiple of the present one.
+    ahead, draws_ahead (m,): the wind that is foreseen at a rollout's end, as a multiple of the
+    present one.
     """
     weights = np.vstack([*([mean] * len(FACTORS)), draws])
     drawn = np.ones(len(draws)) if draws_ahead is None else draws_ahead
@@ -193,14 +205,14 @@ def plan_in(
     now: Moving,
     target: TargetLine,
     diffusion_m2ps: float,
-    keep_worth: float = float("inf"),
+    keep: Keep = NEVER,
     roll: RollOut = roll_out,
     leeway: Leeway = ANY_LINE,
 ) -> LinePlan:
     """The best line in fields of which the first is the mean.
 
-    keep_worth: of the present line, from which on no other one is looked for.  roll: `roll_out`,
-    or the same compiled.  leeway: which lines are candidates.
+    keep: when no other line than the present one is looked for.  roll: `roll_out`, or the same
+    compiled.  leeway: which lines are candidates.
     """
     height = guards.box.height_m
     horizon = horizon_of(height)
@@ -219,7 +231,8 @@ def plan_in(
     price[0] = 0.0
     price += np.where(np.abs(lines.eta_rad - target.eta_rad) > 1e-6, LEAN_PRICE, 0.0)
     chances = soars.mean(axis=0)
-    best = 0 if worth[0] >= keep_worth else int(np.argmax(worth - price))
+    kept = worth[0] >= keep.worth and (bool(held[WEAKER]) or not keep.weaker)
+    best = 0 if kept else int(np.argmax(worth - price))
     return LinePlan(
         target=TargetLine(
             float(lines.x_m[best]), float(lines.z_m[best]), float(lines.eta_rad[best])
@@ -228,7 +241,7 @@ def plan_in(
         worth=float(worth[best]),
         chance=float(chances[best]),
         stay_chance=float(held.mean()),
-        stay_falls=bool(held[1]),
+        stay_falls=bool(held[WEAKER]),
         most_chance=float(chances.max()),
         lasts_s=float(np.minimum(out.failed_s[:, best], horizon).mean()),
         place_x_m=float(out.x_m[0, best]),

@@ -13,6 +13,10 @@ and with ẍ = (z̈ cos η − v̇) / sin η the climb follows with the lag T = 
 0.2 s at a lean of 15°.  The step is implicit in ż, so that a short lag needs no short step.  A
 line that moves downstream and stops costs V v / g: that is the term in v̇.
 
+The wind of a field changes on the way, as a trend of it dies away (`lift_map.lasting_s`): from the
+present one to a multiple of it at the end.  What a wind a tenth weaker does is so what it does when
+it has become weaker, and not what a step of the wind does now.
+
 A rollout ends early where it leaves the guards: too near the ground, beyond the fence, too slow or
 too fast for the polar.
 """
@@ -38,6 +42,7 @@ from tgl_soar.control.search.ahead import (
 )
 from tgl_soar.control.target_line import LineLimits, LineState
 from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
+from tgl_soar.estimation.lift_map.lift_map import lasting_s
 from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
 from tgl_soar.types import GlidePolar, Ground
 
@@ -80,6 +85,7 @@ class Fields(NamedTuple):
     wind_mps: Floats
     updraft_mps: Floats
     sink_scale: Floats  # (m,) 1 + p
+    ends: Floats  # (m,) the wind at the end of a rollout, as a multiple of this
 
 
 class Rollouts(NamedTuple):
@@ -116,13 +122,13 @@ class Grid:
             floor=floor_of(ground, box.z_min_m),
         )
 
-    def fields(self, weights: Floats, factors: Floats) -> Fields:
-        """The fields of m rows of weights, (m, n), the wind times a factor (m,) of each."""
-        scale = factors[:, None]
+    def fields(self, weights: Floats, ends: Floats) -> Fields:
+        """The fields of m rows of weights, (m, n), each with its wind at the end (m,)."""
         return Fields(
-            wind_mps=(weights @ self.u) * scale,
-            updraft_mps=(weights @ self.w) * scale,
+            wind_mps=weights @ self.u,
+            updraft_mps=weights @ self.w,
             sink_scale=1.0 + weights[:, self.basis.sink_scale],
+            ends=ends,
         )
 
     def above(self, guards: Guards) -> Grid:
@@ -199,6 +205,12 @@ def turning(now: Moving, lines: Lines, turn_rad: float, steps: int) -> tuple[Flo
     return np.sin(turned), np.cos(turned)
 
 
+def grown(horizon_s: float, steps: int) -> Floats:
+    """How much of a change of the wind there is in each step, (steps,); 1 in the last."""
+    whole = lasting_s(horizon_s)
+    return np.array([lasting_s((n + 1) * horizon_s / steps) / whole for n in range(steps)])
+
+
 # (grid, fields, polar, guards, now, lines, horizon_s, steps): `roll_out`, or the same compiled.
 RollOut = Callable[[Grid, Fields, GlidePolar, Guards, Moving, Lines, float, int], Rollouts]
 
@@ -219,7 +231,8 @@ def roll_out(
     mesh, within = grid.mesh, within_of(guards)
     wind, updraft = fields.wind_mps.ravel(), fields.updraft_mps.ravel()
     first = np.arange(shape[0])[:, None] * (mesh.nx * mesh.nz)
-    scale = fields.sink_scale[:, None]
+    scale, change = fields.sink_scale[:, None], fields.ends[:, None] - 1.0
+    there = grown(horizon_s, steps)
     sines, cosines = turning(now, lines, guards.line.turn_rate_radps * dt, steps)
     sine, cosine = np.sin(lines.eta_rad), np.cos(lines.eta_rad)
     at = Ahead(
@@ -251,6 +264,7 @@ def roll_out(
             within=within,
             slide=slide,
             now=at,
+            change=1.0 + change * there[n],
             dt_s=dt,
         )
         lost = flies & ((new.margin_m < 0.0) | (new.aside_mps < 0.0))
@@ -294,7 +308,7 @@ def wells(
     z_m: Floats,
     diffusion_m2ps: float,
 ) -> Well:
-    """The wells of places (n,) on lines in the first of the fields.
+    """The wells of places (n,) on lines in the first of the fields, in its wind at the end.
 
     Along the line ṡ = E / c, c = sin η − S′ cos η; V(s) = −∫ E / c ds, and white gusts of
     diffusion D = ½ σ_w² τ / c² carry the aircraft over a rim ΔV high in (2π/λ) e^(ΔV/D) (Kramers);
@@ -307,8 +321,9 @@ def wells(
     sine, cosine = np.sin(lines.eta_rad), np.cos(lines.eta_rad)
     x = x_m[:, None] + path * cosine[:, None]
     z = z_m[:, None] + path * sine[:, None]
-    first = Fields(fields.wind_mps[:1], fields.updraft_mps[:1], fields.sink_scale[:1])
-    u, w = (part.reshape(x.shape) for part in grid.at(first, x.reshape(1, -1), z.reshape(1, -1)))
+    first = Fields(*(part[:1] for part in fields))
+    air = grid.at(first, x.reshape(1, -1), z.reshape(1, -1))
+    u, w = (first.ends[0] * part.reshape(x.shape) for part in air)
     scale = first.sink_scale[0]
     leverage = np.maximum(sine[:, None] - scale * sink_slope(polar, u) * cosine[:, None], 0.2)
     drift = (w - scale * sink(polar, u)) / leverage

@@ -27,7 +27,7 @@ from tgl_soar.control.search.glimpse import (
     TOO_HIGH,
     TOO_LOW,
 )
-from tgl_soar.control.search.plan import LinePlan, horizon_of
+from tgl_soar.control.search.plan import Keep, LinePlan, horizon_of
 from tgl_soar.control.search.rollout import Guards
 from tgl_soar.control.target_line import TargetLine
 
@@ -93,15 +93,21 @@ def plan_due(state: SearchState) -> bool:
     return state.status != GIVEN_UP and state.since_plan_s + LOOK_S >= every - 1e-9
 
 
-def keep_worth(state: SearchState) -> float:
-    """The worth from which on the present line is kept.
+def kept(state: SearchState) -> Keep:
+    """When the present line is kept.
 
     A line settles the aircraft wherever it has a crossing, and every move costs height and begins
     with little known: a line that will as likely as not do is given the time to show it.  After
-    that it has to be one that can be claimed.
+    that it has to be one that can be claimed, in a weaker wind as well: who hovers where a wind a
+    tenth weaker leaves him, with a better line beside him, waits for ever.  What is claimed already
+    is not left for that: it is withdrawn first.
     """
-    chance = CLAIM_CHANCE if state.still_s >= CLAIM_S else KEEP_CHANCE
-    return chance * SOARS_WORTH + (1.0 - chance) * FAILS_WORTH
+    tried = state.still_s >= CLAIM_S
+    chance = CLAIM_CHANCE if tried else KEEP_CHANCE
+    return Keep(
+        worth=chance * SOARS_WORTH + (1.0 - chance) * FAILS_WORTH,
+        weaker=tried and state.status != SOARING,
+    )
 
 
 def climb_s(height_m: float) -> float:
