@@ -25,6 +25,8 @@ from tgl_soar.link.autopilots.base import (
     throttle_pulse,
     value_bytewise,
     value_cast,
+    wire_bytewise,
+    wire_cast,
 )
 from tgl_soar.link.messages import Heartbeat, ParamValue
 from tgl_soar.types import SurfaceCommand
@@ -206,6 +208,7 @@ def test_px4_sends_whole_numbers_as_their_four_bytes(kind: int) -> None:
     layout, number = BYTES[kind]
     (as_float,) = struct.unpack("<f", struct.pack(layout, number))
     assert value_bytewise(value(as_float, kind)) == number
+    assert struct.pack("<f", wire_bytewise(number, kind)) == struct.pack("<f", as_float)
 
 
 @pytest.mark.parametrize(
@@ -220,11 +223,19 @@ def test_px4_sends_whole_numbers_as_their_four_bytes(kind: int) -> None:
 )
 def test_what_is_no_whole_number_of_four_bytes_is_the_float_that_it_is(kind: int) -> None:
     assert value_bytewise(value(2.5, kind)) == 2.5
+    assert wire_bytewise(2.5, kind) == 2.5
+
+
+@pytest.mark.parametrize(("number", "kind"), [(2.5, 6), (2.0**31, 6), (-1.0, 5), (inf, 6)])
+def test_what_four_bytes_cannot_hold_is_refused(number: float, kind: int) -> None:
+    with pytest.raises(ValueError, match="whole number"):
+        wire_bytewise(number, kind)
 
 
 @pytest.mark.parametrize("kind", range(11))
 def test_ardupilot_sends_whole_numbers_as_floats(kind: int) -> None:
     assert value_cast(value(255.0, kind)) == 255.0
+    assert wire_cast(255.0, kind) == 255.0
 
 
 @pytest.mark.parametrize("broken", [nan, inf, -inf])

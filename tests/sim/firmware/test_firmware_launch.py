@@ -16,6 +16,7 @@ from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.firmware.mission import MissionItem
+from tgl_soar.sim.firmware.parameters import CAST
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import (
@@ -62,6 +63,7 @@ class Physics:
     first_item = 0
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
+    parameters = CAST
 
     def __init__(self, first_item: int = 0) -> None:
         self.first_item = first_item
@@ -447,6 +449,11 @@ def test_log_and_record_are_written_and_closed(tmp_path: Path) -> None:
 
 def test_a_parameter_is_set_with_the_components_own_message(flight: Flight) -> None:
     timed = Flight(later=(TimedSetting("SIM_X", 2.5, 0.1),))
+    timed.booted()
+    [asked] = [m for m in timed.asked() if m.get_type() == "PARAM_REQUEST_READ"]
+    assert (asked.target_system, asked.target_component, asked.param_id) == (1, 1, "SIM_X")
+    assert timed.relay.parameters is not None
+    timed.relay.parameters.take(mavlink.MAVLink_param_value_message(b"SIM_X", 0.0, 9, 1, 0))
     said = timed.steps(STEP_HZ // 5)
     assert said == ["sets SIM_X = 2.5"]
     [sent] = timed.asked()

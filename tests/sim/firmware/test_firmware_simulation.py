@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site
 from tgl_soar.sim.faults import parse_faults
+from tgl_soar.sim.firmware.parameters import BYTEWISE
 from tgl_soar.sim.firmware.relay import OWN, FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import (
@@ -38,6 +40,7 @@ class FakePhysics:
     first_item = 0
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
+    parameters = BYTEWISE
 
     def __init__(self) -> None:
         self.readings: list[Readings] = []
@@ -246,17 +249,27 @@ def test_a_parameter_of_the_firmware_is_set_in_flight(links: FakeLinks) -> None:
         links, later=(TimedSetting("SIM_B", 2.0, 0.2), TimedSetting("SIM_A", 1.0, 0.1))
     )
     links.received(links.ground)
-    said = []
-    for step in range(STEP_HZ // 2):
+    sim.step()
+    assert links.received(links.ground) == []  # it has not booted
+    links.say(heartbeat(MANUAL, armed=True))
+    kinds = {"SIM_A": mavlink.MAV_PARAM_TYPE_INT32, "SIM_B": mavlink.MAV_PARAM_TYPE_REAL32}
+    said, events = [], []
+    for step in range(1, STEP_HZ // 2):
         sim.step()
-        said += [
-            (message.param_id, message.param_value, step / STEP_HZ)
-            for message in links.received(links.ground)
-            if message.get_type() == "PARAM_SET"
-        ]
-    assert [(name, value) for name, value, _ in said] == [("SIM_A", 1.0), ("SIM_B", 2.0)]
-    assert [at_s for _, _, at_s in said] == pytest.approx([0.1, 0.2], abs=0.01)
-    assert "sets SIM_A = 1" in sim.take_events()
+        events += sim.take_events()
+        for message in links.received(links.ground):
+            name = message.param_id if message.get_type().startswith("PARAM_") else ""
+            if not name:
+                continue
+            value = message.param_value if message.get_type() == "PARAM_SET" else 0.0
+            links.say(mavlink.MAVLink_param_value_message(name.encode(), value, kinds[name], 2, 0))
+            if message.get_type() == "PARAM_SET":
+                said.append((name, value, message.param_type, step / STEP_HZ))
+    one = struct.unpack("<f", struct.pack("<i", 1))[0]
+    assert [each[:3] for each in said] == [("SIM_A", one, 6), ("SIM_B", 2.0, 9)]
+    assert [at_s for *_, at_s in said] == pytest.approx([0.1, 0.2], abs=0.01)
+    words = [event for event in events if "SIM_" in event]
+    assert words == ["sets SIM_A = 1", "SIM_A is 1", "sets SIM_B = 2", "SIM_B is 2"]
     sim.close()
 
 

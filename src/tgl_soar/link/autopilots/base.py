@@ -195,15 +195,43 @@ def set_mode(system: int, mode: float, sub_mode: float = 0.0) -> CommandLong:
 
 def value_bytewise(message: ParamValue) -> float:
     """Of a PARAM_VALUE whose four bytes are the whole number itself, not its value as a float."""
-    if not PARAM_TYPE_UINT8 <= message.param_type <= PARAM_TYPE_INT32:
+    kind = _whole(message.param_type)
+    if not kind:
         return message.param_value
-    kind = "<i" if message.param_type % 2 == 0 else "<I"  # signed ones have even numbers
     return float(struct.unpack(kind, struct.pack("<f", message.param_value))[0])
+
+
+def wire_bytewise(value: float, param_type: int) -> float:
+    """The inverse of `value_bytewise`: what stands in a PARAM_SET of this MAV_PARAM_TYPE.
+
+    Errors: ValueError for what is no whole number where the type has no others, or too large.
+    """
+    kind = _whole(param_type)
+    if not kind:
+        return value
+    if value % 1.0 != 0.0:  # or no number
+        raise ValueError("it is a whole number")
+    try:
+        return float(struct.unpack("<f", struct.pack(kind, int(value)))[0])
+    except struct.error:
+        raise ValueError("no whole number of 32 bits") from None
+
+
+def _whole(param_type: int) -> str:
+    """How `struct` calls the whole numbers of a MAV_PARAM_TYPE; "": it has others, too."""
+    if not PARAM_TYPE_UINT8 <= param_type <= PARAM_TYPE_INT32:
+        return ""
+    return "<i" if param_type % 2 == 0 else "<I"  # signed ones have even numbers
 
 
 def value_cast(message: ParamValue) -> float:
     """Of a PARAM_VALUE that holds whole numbers as floats."""
     return message.param_value
+
+
+def wire_cast(value: float, _param_type: int) -> float:
+    """The inverse of `value_cast`."""
+    return value
 
 
 def is_finite(surfaces: SurfaceCommand) -> bool:

@@ -45,6 +45,7 @@ from tgl_soar.sim.channels import (
     throttle_from_pwm,
 )
 from tgl_soar.sim.firmware import FirmwareError, program
+from tgl_soar.sim.firmware.parameters import CAST
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import SOMEWHERE, Readings
 from tgl_soar.sim.firmware.simulation import NO_PULSES, THROTTLE_LOW, Sticks
@@ -81,6 +82,7 @@ class ArduPlanePhysics:
         "RC_CHANNELS_OVERRIDE": MODE_MANUAL,
         "SET_ATTITUDE_TARGET": MODE_GUIDED,
     }
+    parameters = CAST
 
     def __init__(
         self, surfaces: Surfaces, home: HomePosition | None = None, *, by_poses: bool = False

@@ -30,6 +30,7 @@ from tgl_soar.config.site import Site
 from tgl_soar.link.autopilots.px4 import MODE_MANUAL, MODE_OFFBOARD
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError, program
+from tgl_soar.sim.firmware.parameters import BYTEWISE
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import GpsPlace, Readings
 from tgl_soar.sim.firmware.simulation import RECEIVED, Sticks
@@ -67,6 +68,7 @@ class Px4Physics:
         "SET_ACTUATOR_CONTROL_TARGET": MODE_OFFBOARD,
         "MANUAL_CONTROL": MODE_MANUAL,
     }
+    parameters = BYTEWISE
 
     def __init__(self, surfaces: Surfaces, port: int) -> None:
         """Listens at once.  Errors: `FirmwareError` where the port cannot be had."""

@@ -25,6 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.sim.channels import Overrides, override_values
 from tgl_soar.sim.firmware.mission import MissionUpload
+from tgl_soar.sim.firmware.parameters import ParameterChanges
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.routing import LinkId, RoutedFrame, split_frames
 
@@ -120,6 +121,7 @@ class Relay:
         self.commanded_step = -1
         self.takes_stations = True  # False: what ground stations send does not arrive
         self.mission: MissionUpload | None = None  # receives what the firmware sends of missions
+        self.parameters: ParameterChanges | None = None  # receives what it says of its own
         self.record: BinaryIO | None = None  # of the companion's link, both ways, as a .tlog
         self._system = system
         self._ground, self._companion = ground, companion
@@ -305,6 +307,8 @@ class Relay:
             elif kind == "STATUSTEXT":
                 self.texts.add(message.text)
                 self._events.append(f"it reports: {message.text}")
+            elif kind == "PARAM_VALUE" and self.parameters is not None:
+                self.parameters.take(message)
             elif kind.startswith("MISSION_") and self.mission is not None:
                 answer = self.mission.answer(message)
                 if answer is not None:

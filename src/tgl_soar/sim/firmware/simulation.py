@@ -24,6 +24,7 @@ from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload, set_home
+from tgl_soar.sim.firmware.parameters import ParameterChanges, ParameterCodec
 from tgl_soar.sim.firmware.relay import Relay
 from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
 from tgl_soar.sim.routing import LinkId
@@ -56,6 +57,7 @@ class Physics(Protocol):
     first_item: int  # of a mission file: 0: home is an item of it
     manual_mode: int  # custom_mode in which sticks move the surfaces, and it is armed
     obeys: Mapping[str, int]  # command message of a companion: custom_mode that obeys it
+    parameters: ParameterCodec  # how it has numbers in messages
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
         """One step in lockstep: the servos' commands."""
@@ -108,7 +110,8 @@ class FirmwareSimulation(SteppedWorld):
         )
         self._pilot_takes = False
         self._signal = RECEIVED
-        self._later = sorted(options.later, key=lambda change: change.at_s)
+        self._changes = ParameterChanges(options.later, physics.parameters, self._system)
+        relay.parameters = self._changes
         self._surfaces = NEUTRAL
         self._ask_every = round(ASK_S * physics.step_hz)
         self._stage = 0
@@ -195,18 +198,11 @@ class FirmwareSimulation(SteppedWorld):
 
     def _set_parameters(self) -> None:
         """Those of the firmware that are to change by now."""
-        while self._later and self.time_s >= self._later[0].at_s:
-            change = self._later.pop(0)
-            self._events.append(f"sets {change.name} = {change.value:g}")
-            self.pixhawk.command(
-                mavlink.MAVLink_param_set_message(
-                    self._system,
-                    mavlink.MAV_COMP_ID_AUTOPILOT1,
-                    change.name.encode(),
-                    change.value,
-                    mavlink.MAV_PARAM_TYPE_REAL32,
-                )
-            )
+        if not self.booted:
+            return
+        for message in self._changes.due(self.time_s):
+            self.pixhawk.command(message)
+        self._events += self._changes.take_events()
 
     def _launch(self) -> None:
         """The next stage of the launch, once it is due."""
