@@ -4,6 +4,7 @@
     python tools/measure_failsafes.py ardupilot override --firmware .../bin/arduplane
     python tools/measure_failsafes.py ardupilot attitude --firmware PATH --only radio --out out/fs
     python tools/measure_failsafes.py px4 attitude --firmware .../bin/px4
+    python tools/measure_failsafes.py px4 attitude --firmware PATH --only estimator --seed 1 2 3
 
 Each trial is a flight over the hill by satellites, in calm air, as `tgl-soar sitl` flies it: the
 module soars leg a, then something fails.  A row says when the module has disengaged and by which
@@ -136,6 +137,11 @@ def _px4(words: str, fault: str, *settings: str, watched_s: float = 25.0) -> Tri
     )
 
 
+def _sensor(words: str, fault: str, *settings: str) -> Trial:
+    """Of PX4: its readings come from us."""
+    return _px4(f"estimator: {words}", fault, *settings, watched_s=53.0)
+
+
 PX4: Final = (
     _px4("all, as asked for: radio for 2 s, battery after 5 s, fence after 12 s",
          "transmitter.silent for=2",
@@ -154,6 +160,20 @@ PX4: Final = (
          "COM_LOW_BAT_ACT=3"),
     _px4("fence: too high, GF_ACTION 2 (Hold)", "", *PX4_FENCE, "GF_ACTION=2"),
     _px4("fence: too high, GF_ACTION 3 (Return)", "", *PX4_FENCE, "GF_ACTION=3"),
+    _sensor("no fix for 2 s", "satellites.lost for=2"),
+    _sensor("no fix for 5 s", "satellites.lost for=5"),
+    _sensor("no fix for 15 s", "satellites.lost for=15"),
+    _sensor("no fix for good", "satellites.lost for=999"),
+    _sensor("receiver silent for 15 s", "satellites.silent for=15"),
+    _sensor("satellites not used for 15 s (EKF2_GPS_CTRL 0)", "",
+            f"EKF2_GPS_CTRL=0{_then(0)}", f"EKF2_GPS_CTRL=7{_then(15)}"),
+    _sensor("fixes 3 m to the north for 20 s", "satellites.bias for=20 north=3"),
+    _sensor("fixes 30 m to the north from then on", "satellites.bias for=999 north=30"),
+    _sensor("barometer drifts by 2 cm/s from then on", "barometer.drift for=999 by=0.02"),
+    _sensor("barometer silent for good", "barometer.silent for=999"),
+    _sensor("compass off by 60 mG from then on", "compass.bias for=999 x=60"),
+    _sensor("compass silent for good", "compass.silent for=999"),
+    _sensor("accelerometer off by 3 m/s² from then on", "accelerometer.bias for=999 x=3"),
 )  # fmt: skip
 TRIALS: Final = {"ardupilot": ARDUPILOT, "px4": PX4}
 PX4_MODES: Final = {1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 5: "ACRO", 6: "OFFBOARD",
@@ -169,7 +189,9 @@ class Outcome:
     words: str  # of the module
     modes: list[tuple[float, str]]
     texts: list[str]  # of the firmware
+    says: list[str]  # the module, from when it soars
     lost_s: float  # inf: not
+    lost_x_m: float  # where, downstream of the hill's axis
     rms_e_m: float  # of e_rho, while the module flew on
     away_m: float  # at most, from where it was when it failed
 
@@ -216,7 +238,9 @@ def outcome(
         words=words[-1] if words else "",
         modes=changes,
         texts=re.findall(r"it reports: (.*)", bridge),
+        says=re.findall(r"tgl_soar: (.*)", module.partition("soaring: on the line")[2]),
         lost_s=float(down[0]) if down.size else inf,
+        lost_x_m=float(truth["x_m"][since >= down[0]][0]) if down.size else inf,
         rms_e_m=float(np.sqrt(np.mean(e[flown] ** 2))) if flown.any() else float("nan"),
         away_m=float(ways.max()),
     )
@@ -255,6 +279,9 @@ def flown(
         ),
         lambda _: None,
     )
+    report = (folder / "bridge.log").read_text(errors="replace")
+    if missed := re.search(r"\S+ (did not take|is not set to) .*", report):
+        raise SitlError(missed[0])
     return outcome(firmware, trial.fails_s, folder, flight.lines[0])
 
 
@@ -264,7 +291,9 @@ def row(name: str, found: Outcome) -> str:
     if found.released_s == inf and found.rms_e_m == found.rms_e_m:
         module += f", e_rho {100 * found.rms_e_m:.1f} cm rms"
     modes = ", ".join(f"{mode} {s:.1f} s" for s, mode in found.modes) or "no change"
-    end = "flies" if found.lost_s == inf else f"**on the ground after {found.lost_s:.1f} s**"
+    end = "flies"
+    if found.lost_s < inf:
+        end = f"**on the ground after {found.lost_s:.1f} s at x = {found.lost_x_m:.0f} m**"
     return f"| {name} | {modes} | {module}, {found.away_m:.1f} m away at most | {end} |"
 
 
@@ -275,7 +304,7 @@ def main() -> int:
     parser.add_argument("route")
     parser.add_argument("--firmware", type=Path, metavar="PATH", required=True, help="its program")
     parser.add_argument("--only", default="", metavar="WORDS", help="trials whose name has these")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1], help="a flight of each")
     parser.add_argument("--out", type=Path, default=Path("out/failsafes"), help="folder")
     parser.add_argument("--texts", action="store_true", help="what the firmware says, too")
     arguments = parser.parse_args()
@@ -284,21 +313,25 @@ def main() -> int:
         if arguments.only not in trial.name:
             continue
         folder = arguments.out / f"{arguments.autopilot}-{arguments.route}-{number}"
-        try:
-            found = flown(
-                trial,
-                arguments.autopilot,
-                arguments.route,
-                arguments.firmware,
-                folder / f"seed{arguments.seed}",
-                arguments.seed,
-            )
-        except SitlError as error:
-            print(f"| {trial.name} | not flown: {str(error).splitlines()[0]} | | |", flush=True)
-            continue
-        print(row(trial.name, found), flush=True)
-        if arguments.texts:
-            print("\n".join(f"    {text}" for text in found.texts), file=sys.stderr, flush=True)
+        for seed in arguments.seed:
+            name = trial.name if len(arguments.seed) == 1 else f"{trial.name}, seed {seed}"
+            try:
+                found = flown(
+                    trial,
+                    arguments.autopilot,
+                    arguments.route,
+                    arguments.firmware,
+                    folder / f"seed{seed}",
+                    seed,
+                )
+            except SitlError as error:
+                print(f"| {name} | not flown: {str(error).splitlines()[0]} | | |", flush=True)
+                continue
+            print(row(name, found), flush=True)
+            if arguments.texts:
+                said = [f"    {text}" for text in found.texts]
+                said += [f"    module: {text}" for text in found.says]
+                print("\n".join(said), file=sys.stderr, flush=True)
     return 0
 
 

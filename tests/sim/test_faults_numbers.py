@@ -8,6 +8,7 @@ import pytest
 
 from tgl_soar.sim.faults import (
     CATALOGUE,
+    FIRMWARE_SENSORS,
     FaultError,
     catalogue_text,
     drawn_fault,
@@ -114,6 +115,23 @@ DECLARED: dict[str, list[str]] = {
     "autopilot.second": [lasts("2", "0.1..6")],
     "pilot.takes": [lasts("5", "0.5..6")],
 }
+
+
+def off(unit: str, usual: float, *axes: str) -> list[str]:
+    return [lasts("5", "1..30")] + [
+        f"{axis} {usual if i == 0 else 0:g} {unit} in -10000..10000 drawn -{usual:g}..{usual:g}"
+        for i, axis in enumerate(axes)
+    ]
+
+
+OF_SENSORS: dict[str, list[str]] = {
+    **{f"{of}.silent": off("", 0.0) for of in ("satellites", "barometer", "compass")},
+    "satellites.lost": off("", 0.0),
+    "satellites.bias": off("m", 3.0, "north", "east", "down"),
+    "barometer.drift": off("m/s", 0.02, "by"),
+    "compass.bias": off("mG", 60.0, "x", "y", "z"),
+    "accelerometer.bias": off("m/s²", 3.0, "x", "y", "z"),
+}
 NUMBERS = [(kind, number) for kind, numbers in DECLARED.items() for number in (START, *numbers)]
 
 
@@ -135,6 +153,15 @@ def ends(text: str) -> tuple[float, float]:
 
 def test_the_catalogue_has_these_faults_and_no_others() -> None:
     assert sorted(CATALOGUE) == sorted(DECLARED)
+
+
+def test_no_campaign_draws_a_fault_of_a_firmwares_sensors() -> None:
+    assert sorted(FIRMWARE_SENSORS) == sorted(OF_SENSORS)
+    assert not FIRMWARE_SENSORS.keys() & CATALOGUE.keys()
+    for name, numbers in OF_SENSORS.items():
+        fault = parse_fault(name)
+        assert list(fault.values) == [number.split()[0] for number in (START, *numbers)]
+        assert fault.kind.what.endswith("(PX4 only)")
 
 
 @pytest.mark.parametrize(("kind", "declared"), NUMBERS)
@@ -174,12 +201,13 @@ def test_the_catalogue_prints_each_fault_with_its_numbers_and_their_units() -> N
     head, hint, *lines = catalogue_text().splitlines()
     assert "NAME start=10 for=1.5" in head
     assert "position.*" in hint
-    assert [line.split()[0] for line in lines] == list(CATALOGUE)
+    assert [line.split()[0] for line in lines] == [*CATALOGUE, *FIRMWARE_SENSORS]
     for line in lines:
         kind = line.split()[0]
-        assert CATALOGUE[kind].what in line
+        assert {**CATALOGUE, **FIRMWARE_SENSORS}[kind].what in line
         shown = line[line.rindex("(") + 1 : -1].split(", ")
-        declared = (number.split(" in ")[0].split() for number in (START, *DECLARED[kind]))
+        numbers = {**DECLARED, **OF_SENSORS}[kind]
+        declared = (number.split(" in ")[0].split() for number in (START, *numbers))
         assert shown == [" ".join((f"{name}={value}", *unit)) for name, value, *unit in declared], (
             kind
         )

@@ -312,6 +312,38 @@ _OF_A_FIRMWARE: Final = (
 )
 
 
+def _off(unit: str, usual: float, *axes: str) -> tuple[Number, ...]:
+    """By how much a firmware's sensor is wrong, the first axis by so much where nothing is said."""
+    return tuple(
+        Number(
+            name=axis,
+            unit=unit,
+            low=-1e4,
+            high=1e4,
+            default=usual if i == 0 else 0.0,
+            drawn=(-usual, usual),
+            what="added to it",
+        )
+        for i, axis in enumerate(axes)
+    )
+
+
+def _sensor(name: str, what: str, *numbers: Number) -> FaultKind:
+    return FaultKind(name, f"{what} (PX4 only)", (_START, _for(5.0, 1.0, 30.0), *numbers))
+
+
+_OF_ITS_SENSORS: Final[tuple[FaultKind, ...]] = (
+    _sensor("satellites.lost", "the receiver reports that it has no fix"),
+    _sensor("satellites.silent", "nothing of the receiver arrives"),
+    _sensor("satellites.bias", "fixes are off", *_off("m", 3.0, "north", "east", "down")),
+    _sensor("barometer.silent", "no pressures arrive"),
+    _sensor("barometer.drift", "the barometer's height drifts", *_off("m/s", 0.02, "by")),
+    _sensor("compass.silent", "nothing of the compass arrives"),
+    _sensor("compass.bias", "its field is off", *_off("mG", 60.0, "x", "y", "z")),
+    _sensor("accelerometer.bias", "specific force is off", *_off("m/s²", 3.0, "x", "y", "z")),
+)
+
+
 def _drift(axis: str, default: float) -> Number:
     return Number(
         name=axis,
@@ -458,6 +490,9 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
 )
 
 CATALOGUE: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _KINDS}
+# Of the sensors of a real firmware, which no campaign draws.
+FIRMWARE_SENSORS: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _OF_ITS_SENSORS}
+_NAMED: Final = {**CATALOGUE, **FIRMWARE_SENSORS}
 
 
 # --- faults from text, and by lot --------------------------------------------------------------
@@ -466,9 +501,9 @@ CATALOGUE: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _KINDS}
 def parse_fault(text: str) -> Fault:
     """A fault as it is written: its name, then NAME=NUMBER.  Errors: `FaultError`."""
     name, *given = text.split() or [""]
-    kind = CATALOGUE.get(name)
+    kind = _NAMED.get(name)
     if kind is None:
-        near = get_close_matches(name, CATALOGUE, 3, 0.5)
+        near = get_close_matches(name, _NAMED, 3, 0.5)
         hint = f"; near it: {', '.join(near)}" if near else ""
         raise FaultError(f"no fault named {name!r}{hint}; `--fault list` shows all")
     values = {number.name: number.default for number in kind.numbers}
@@ -509,7 +544,7 @@ def catalogue_text() -> str:
         "A fault is written NAME start=10 for=1.5, and more numbers where it has them.",
         "position.* acts on what the autopilot reports; on motion capture: --mocap-option fault=….",
     ]
-    for kind in CATALOGUE.values():
+    for kind in _NAMED.values():
         numbers = ", ".join(
             f"{n.name}={n.default:g}{' ' + n.unit if n.unit else ''}" for n in kind.numbers
         )

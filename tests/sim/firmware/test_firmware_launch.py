@@ -64,6 +64,7 @@ class Physics:
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
     parameters = CAST
+    reads_ours = True
 
     def __init__(self, first_item: int = 0) -> None:
         self.first_item = first_item
@@ -460,6 +461,24 @@ def test_a_parameter_is_set_with_the_components_own_message(flight: Flight) -> N
     assert (sent.target_system, sent.target_component) == (1, 1)
     assert (sent.param_id, sent.param_value, sent.param_type) == ("SIM_X", 2.5, 9)  # REAL32
     assert flight.asked() == []
+
+
+def test_a_sensor_fails_on_its_way_to_the_firmware() -> None:
+    flight = Flight(faults=("compass.silent start=0.2 for=0.2", "position.bias start=0"))
+    for _ in range(STEP_HZ):
+        flight.sim.step()
+    arrived = [r.time_s for r in flight.physics.readings if r.magnetic_frd_gauss is not None]
+    assert max(t for t in arrived if t < 0.3) < 0.2
+    assert min(t for t in arrived if t > 0.3) == pytest.approx(0.4, abs=0.03)
+
+
+def test_a_firmware_that_makes_its_own_sensors_has_none_that_fail_by_us(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Physics, "reads_ours", False)
+    Flight(faults=("pilot.takes start=0.2",))
+    with pytest.raises(FirmwareError, match=r"compass\.bias: Fake simulates its sensors itself"):
+        Flight(faults=("compass.bias start=0.2",))
 
 
 def test_time_is_the_firmwares_own(flight: Flight) -> None:

@@ -41,6 +41,7 @@ class FakePhysics:
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
     parameters = BYTEWISE
+    reads_ours = True
 
     def __init__(self) -> None:
         self.readings: list[Readings] = []

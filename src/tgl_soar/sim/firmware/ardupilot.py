@@ -83,6 +83,7 @@ class ArduPlanePhysics:
         "SET_ATTITUDE_TARGET": MODE_GUIDED,
     }
     parameters = CAST
+    reads_ours = False
 
     def __init__(
         self, surfaces: Surfaces, home: HomePosition | None = None, *, by_poses: bool = False

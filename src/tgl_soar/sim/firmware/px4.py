@@ -69,6 +69,7 @@ class Px4Physics:
         "MANUAL_CONTROL": MODE_MANUAL,
     }
     parameters = BYTEWISE
+    reads_ours = True
 
     def __init__(self, surfaces: Surfaces, port: int) -> None:
         """Listens at once.  Errors: `FirmwareError` where the port cannot be had."""
@@ -127,7 +128,8 @@ class Px4Physics:
         """
         messages = [hil_sensor(readings)]
         if readings.gps is not None:
-            messages.append(hil_gps(readings.gps, _microseconds(readings.time_s)))
+            now_us = _microseconds(readings.time_s)
+            messages.append(hil_gps(readings.gps, now_us, fixed=readings.gps_fixed))
         # A receiver that has no signal sends none: PX4 knows a failsafe by its pulses only where
         # RC_FAILS_THR is set to them.
         if self._steps % RC_STEPS == 0 and sticks.signal == RECEIVED:
@@ -205,23 +207,23 @@ def hil_sensor(readings: Readings) -> Any:
     )
 
 
-def hil_gps(place: GpsPlace, time_us: int) -> Any:
-    """A fix in three dimensions of a dozen satellites."""
+def hil_gps(place: GpsPlace, time_us: int, *, fixed: bool = True) -> Any:
+    """A fix in three dimensions of a dozen satellites; not `fixed`: none, where the last was."""
     north, east, down = (_cm(speed) for speed in place.velocity_ned_mps)
     return mavlink.MAVLink_hil_gps_message(
         time_usec=UTC_US + time_us,
-        fix_type=3,
+        fix_type=3 if fixed else 1,
         lat=round(place.latitude_deg * 1e7),
         lon=round(place.longitude_deg * 1e7),
         alt=round(place.altitude_m * 1e3),
-        eph=60,  # [cm]
-        epv=80,
+        eph=60 if fixed else 9999,  # [cm]
+        epv=80 if fixed else 9999,
         vel=round(hypot(north, east, down)),
         vn=north,
         ve=east,
         vd=down,
         cog=65535,  # no course: the aircraft may stand over the ground
-        satellites_visible=12,
+        satellites_visible=12 if fixed else 0,
     )
 
 

@@ -95,6 +95,7 @@ class Readings(NamedTuple):
     differential_pressure_pa: float | None
     gps: GpsPlace | None
     motion: Motion
+    gps_fixed: bool = True  # False: the receiver has no fix, `gps` is its last
 
 
 def firmware_sensors(step_hz: int, *, pitot: bool = True) -> Sensors:

@@ -23,6 +23,7 @@ from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import Site
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError
+from tgl_soar.sim.firmware.failing_sensors import FailingSensors
 from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload, set_home
 from tgl_soar.sim.firmware.parameters import ParameterChanges, ParameterCodec
 from tgl_soar.sim.firmware.relay import Relay
@@ -58,6 +59,7 @@ class Physics(Protocol):
     manual_mode: int  # custom_mode in which sticks move the surfaces, and it is armed
     obeys: Mapping[str, int]  # command message of a companion: custom_mode that obeys it
     parameters: ParameterCodec  # how it has numbers in messages
+    reads_ours: bool  # all sensors; False: its simulator makes its own of the truth
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
         """One step in lockstep: the servos' commands."""
@@ -108,6 +110,12 @@ class FirmwareSimulation(SteppedWorld):
         self._sensors = FirmwareSensors(
             self.world, site.position.home, options.seed, gps=site.mocap is None
         )
+        self._failing = FailingSensors(options.faults)
+        if self._failing.faults and not physics.reads_ours:
+            raise FirmwareError(
+                f"{self._failing.faults[0].kind.name}: {physics.name} simulates its sensors itself:"
+                " let its own SIM_… parameters change, by --autopilot-parameter NAME=NUMBER@S"
+            )
         self._pilot_takes = False
         self._signal = RECEIVED
         self._changes = ParameterChanges(options.later, physics.parameters, self._system)
@@ -161,7 +169,7 @@ class FirmwareSimulation(SteppedWorld):
         self._launch()
         world.throttle = self._physics.throttle
         self._step_world(self._surfaces)
-        readings = self._sensors.read()
+        readings = self._failing.of(self._sensors.read())
         self._surfaces = self._physics.exchange(readings, self._sticks())
         help_ = self._physics.helped(readings, self.pixhawk.texts)
         if help_ is not None:
