@@ -194,6 +194,8 @@ class Outcome:
     lost_x_m: float  # where, downstream of the hill's axis
     rms_e_m: float  # of e_rho, while the module flew on
     away_m: float  # at most, from where it was when it failed
+    aside_m: float  # at most, of that to either side
+    let_go_m: float  # away when the module disengaged; NaN: it did not
 
 
 def mode_word(firmware: str, custom_mode: int) -> str:
@@ -222,7 +224,8 @@ def outcome(
     flown = after & (since < min(released, down[0] if down.size else inf))
     begin = int(np.argmax(after))
     in_air = after & (since < (down[0] if down.size else inf))
-    ways = np.hypot(truth["x_m"] - truth["x_m"][begin], truth["z_m"] - truth["z_m"][begin])[in_air]
+    moved = np.array([truth[name] - truth[name][begin] for name in ("x_m", "y_m", "z_m")])
+    away = np.linalg.norm(moved, axis=0)
     changes = [
         (float(s), mode_word(firmware, int(mode)))
         for (_, before), (s, mode) in pairwise(
@@ -242,7 +245,9 @@ def outcome(
         lost_s=float(down[0]) if down.size else inf,
         lost_x_m=float(truth["x_m"][since >= down[0]][0]) if down.size else inf,
         rms_e_m=float(np.sqrt(np.mean(e[flown] ** 2))) if flown.any() else float("nan"),
-        away_m=float(ways.max()),
+        away_m=float(away[in_air].max()),
+        aside_m=float(np.abs(moved[1][in_air]).max()),
+        let_go_m=float(away[after & (since <= released)][-1]) if released < inf else float("nan"),
     )
 
 
@@ -290,11 +295,14 @@ def row(name: str, found: Outcome) -> str:
     module = "flies on" if found.released_s == inf else f"{found.released_s:.1f} s: {found.words}"
     if found.released_s == inf and found.rms_e_m == found.rms_e_m:
         module += f", e_rho {100 * found.rms_e_m:.1f} cm rms"
+    if found.released_s < inf:
+        module += f" ({found.let_go_m:.1f} m away)"
+    module += f", {found.away_m:.1f} m away at most, {found.aside_m:.1f} m to the side"
     modes = ", ".join(f"{mode} {s:.1f} s" for s, mode in found.modes) or "no change"
     end = "flies"
     if found.lost_s < inf:
         end = f"**on the ground after {found.lost_s:.1f} s at x = {found.lost_x_m:.0f} m**"
-    return f"| {name} | {modes} | {module}, {found.away_m:.1f} m away at most | {end} |"
+    return f"| {name} | {modes} | {module} | {end} |"
 
 
 def main() -> int:
