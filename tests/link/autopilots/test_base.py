@@ -10,6 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.autopilots.base import (
+    CAST,
     OVERRIDE_CHANNELS,
     BrakeChannel,
     SurfaceChannel,
@@ -26,7 +27,6 @@ from tgl_soar.link.autopilots.base import (
     value_bytewise,
     value_cast,
     wire_bytewise,
-    wire_cast,
 )
 from tgl_soar.link.messages import Heartbeat, ParamValue
 from tgl_soar.types import SurfaceCommand
@@ -235,7 +235,7 @@ def test_what_four_bytes_cannot_hold_is_refused(number: float, kind: int) -> Non
 @pytest.mark.parametrize("kind", range(11))
 def test_ardupilot_sends_whole_numbers_as_floats(kind: int) -> None:
     assert value_cast(value(255.0, kind)) == 255.0
-    assert wire_cast(255.0, kind) == 255.0
+    assert (CAST.number(255.0, kind), CAST.wire(255.0, kind)) == (255.0, 255.0)
 
 
 @pytest.mark.parametrize("broken", [nan, inf, -inf])

@@ -13,10 +13,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site, shipped
+from tgl_soar.link.autopilots.base import CAST
 from tgl_soar.sim.faults import parse_faults
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.firmware.mission import MissionItem
-from tgl_soar.sim.firmware.parameters import CAST
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import (

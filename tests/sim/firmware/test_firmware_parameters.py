@@ -8,14 +8,12 @@ from typing import Any, Final
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.link.autopilots.base import BYTEWISE, CAST
 from tgl_soar.sim.firmware.ardupilot import ArduPlanePhysics
 from tgl_soar.sim.firmware.parameters import (
     AGAIN_S,
-    BYTEWISE,
-    CAST,
     GIVE_UP_S,
     ParameterChanges,
-    ParameterCodec,
 )
 from tgl_soar.sim.firmware.px4 import Px4Physics
 from tgl_soar.sim.simulation import TimedSetting
@@ -210,11 +208,3 @@ def test_what_others_ask_for_is_not_ours() -> None:
     changes.take(travelled(mavlink.MAVLink_param_value_message(b"A", 1.0, REAL32, 1, 0)))
     assert changes.take_events() == []  # as it was before: it is set all the same
     assert [m.get_type() for m in changes.due(2.0)] == ["PARAM_SET"]
-
-
-def test_a_codec_is_the_modules_own() -> None:
-    """`link.autopilots` has the one encoding of each; here nothing is encoded."""
-    for codec in (BYTEWISE, CAST):
-        assert isinstance(codec, ParameterCodec)
-        assert codec.value_of.__module__ == codec.wire_value.__module__
-        assert codec.value_of.__module__ == "tgl_soar.link.autopilots.base"

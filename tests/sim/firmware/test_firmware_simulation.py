@@ -12,8 +12,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_site
+from tgl_soar.link.autopilots.base import BYTEWISE
 from tgl_soar.sim.faults import parse_faults
-from tgl_soar.sim.firmware.parameters import BYTEWISE
 from tgl_soar.sim.firmware.relay import OWN, FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import Readings
 from tgl_soar.sim.firmware.simulation import (

@@ -8,7 +8,7 @@ for, and our laws end at these setpoints.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, NamedTuple, Protocol
 
 from tgl_soar.link.autopilots.aileron_brake_mixing import mixed, unmixed
@@ -195,14 +195,17 @@ def set_mode(system: int, mode: float, sub_mode: float = 0.0) -> CommandLong:
 
 def value_bytewise(message: ParamValue) -> float:
     """Of a PARAM_VALUE whose four bytes are the whole number itself, not its value as a float."""
-    kind = _whole(message.param_type)
-    if not kind:
-        return message.param_value
-    return float(struct.unpack(kind, struct.pack("<f", message.param_value))[0])
+    return number_bytewise(message.param_value, message.param_type)
+
+
+def number_bytewise(sent: float, param_type: int) -> float:
+    """Likewise, of what is sent in the place of the value."""
+    kind = _whole(param_type)
+    return float(struct.unpack(kind, struct.pack("<f", sent))[0]) if kind else sent
 
 
 def wire_bytewise(value: float, param_type: int) -> float:
-    """The inverse of `value_bytewise`: what stands in a PARAM_SET of this MAV_PARAM_TYPE.
+    """The inverse of `number_bytewise`: what stands in a PARAM_SET of this MAV_PARAM_TYPE.
 
     Errors: ValueError for what is no whole number where the type has no others, or too large.
     """
@@ -226,12 +229,23 @@ def _whole(param_type: int) -> str:
 
 def value_cast(message: ParamValue) -> float:
     """Of a PARAM_VALUE that holds whole numbers as floats."""
-    return message.param_value
+    return number_cast(message.param_value, message.param_type)
 
 
-def wire_cast(value: float, _param_type: int) -> float:
-    """The inverse of `value_cast`."""
-    return value
+def number_cast(sent: float, _param_type: int) -> float:
+    """Likewise, of what is sent in the place of the value, and the other way round."""
+    return sent
+
+
+class ParameterCodec(NamedTuple):
+    """How a firmware has a number in PARAM_VALUE and PARAM_SET, by its MAV_PARAM_TYPE."""
+
+    number: Callable[[float, int], float]  # of what is sent
+    wire: Callable[[float, int], float]  # what is sent of a number; ValueError: it cannot be
+
+
+BYTEWISE: Final = ParameterCodec(number_bytewise, wire_bytewise)
+CAST: Final = ParameterCodec(number_cast, number_cast)
 
 
 def is_finite(surfaces: SurfaceCommand) -> bool:

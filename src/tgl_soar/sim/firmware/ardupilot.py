@@ -36,6 +36,7 @@ from tgl_soar.link.autopilots.ardupilot import (
     RCIN,
     THROTTLE,
 )
+from tgl_soar.link.autopilots.base import CAST
 from tgl_soar.sim.channels import (
     NEUTRAL,
     command_of,
@@ -45,7 +46,6 @@ from tgl_soar.sim.channels import (
     throttle_from_pwm,
 )
 from tgl_soar.sim.firmware import FirmwareError, program
-from tgl_soar.sim.firmware.parameters import CAST
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import SOMEWHERE, Readings
 from tgl_soar.sim.firmware.simulation import NO_PULSES, THROTTLE_LOW, Sticks

@@ -12,35 +12,18 @@ answers a question after a parameter that it does not have.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterable
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import as_wire_value
-from tgl_soar.link.autopilots.base import (
-    value_bytewise,
-    value_cast,
-    wire_bytewise,
-    wire_cast,
-)
-from tgl_soar.link.messages import ParamValue
+from tgl_soar.link.autopilots.base import ParameterCodec
 from tgl_soar.sim.simulation import TimedSetting
 
 AGAIN_S: Final = 1.0  # between two questions, or two sets, that nothing answers
 GIVE_UP_S: Final = 5.0  # after a change is due
 NEVER: Final = float("-inf")
-
-
-class ParameterCodec(NamedTuple):
-    """How a firmware has numbers in PARAM_VALUE and PARAM_SET."""
-
-    value_of: Callable[[ParamValue], float]
-    wire_value: Callable[[float, int], float]  # of a value, by its MAV_PARAM_TYPE
-
-
-BYTEWISE: Final = ParameterCodec(value_bytewise, wire_bytewise)
-CAST: Final = ParameterCodec(value_cast, wire_cast)
 
 
 class ParameterChanges:
@@ -53,7 +36,7 @@ class ParameterChanges:
         self._left = sorted(settings, key=lambda setting: setting.at_s)
         self._codec = codec
         self._target = (system, mavlink.MAV_COMP_ID_AUTOPILOT1)
-        self._newest: dict[str, ParamValue] = {}  # of each that it has
+        self._newest: dict[str, tuple[float, int]] = {}  # of each that it has: as sent, its type
         self._asked_s: dict[str, float] = {}
         self._sent_s: dict[str, float] = {}  # of the first of each that is left
         self._events: list[str] = []
@@ -64,13 +47,7 @@ class ParameterChanges:
         setting = self._first(name)
         if setting is None:
             return
-        self._newest[name] = ParamValue(
-            param_id=name,
-            param_value=message.param_value,
-            param_type=message.param_type,
-            param_count=message.param_count,
-            param_index=message.param_index,
-        )
+        self._newest[name] = message.param_value, message.param_type
         if name in self._sent_s and self._value(name) == self._wanted(setting):
             self._end(setting, f"{name} is {setting.value:g}")
 
@@ -112,8 +89,8 @@ class ParameterChanges:
         if now_s - sent_s < AGAIN_S:
             return []
         try:
-            kind = self._newest[name].param_type
-            sent = self._codec.wire_value(setting.value, kind)
+            _, kind = self._newest[name]
+            sent = self._codec.wire(setting.value, kind)
         except ValueError as error:
             self._end(setting, f"{name} is not set to {setting.value:g}: {error}")
             return []
@@ -123,13 +100,12 @@ class ParameterChanges:
         return [mavlink.MAVLink_param_set_message(*self._target, name.encode(), sent, kind)]
 
     def _value(self, name: str) -> float:
-        return self._codec.value_of(self._newest[name])
+        return self._codec.number(*self._newest[name])
 
     def _wanted(self, setting: TimedSetting) -> float:
         """What it is once it took: a journey by the link may have rounded it."""
-        newest = self._newest[setting.name]
-        sent = as_wire_value(self._codec.wire_value(setting.value, newest.param_type))
-        return self._codec.value_of(newest._replace(param_value=sent))
+        _, kind = self._newest[setting.name]
+        return self._codec.number(as_wire_value(self._codec.wire(setting.value, kind)), kind)
 
     def _first(self, name: str) -> TimedSetting | None:
         return next((setting for setting in self._left if setting.name == name), None)

@@ -27,10 +27,10 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import Site
+from tgl_soar.link.autopilots.base import BYTEWISE
 from tgl_soar.link.autopilots.px4 import MODE_MANUAL, MODE_OFFBOARD
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError, program
-from tgl_soar.sim.firmware.parameters import BYTEWISE
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
 from tgl_soar.sim.firmware.sensors import GpsPlace, Readings
 from tgl_soar.sim.firmware.simulation import RECEIVED, Sticks

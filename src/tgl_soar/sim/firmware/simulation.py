@@ -21,11 +21,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.site import Site
+from tgl_soar.link.autopilots.base import ParameterCodec
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError
 from tgl_soar.sim.firmware.failing_sensors import FailingSensors
 from tgl_soar.sim.firmware.mission import MissionItem, MissionUpload, set_home
-from tgl_soar.sim.firmware.parameters import ParameterChanges, ParameterCodec
+from tgl_soar.sim.firmware.parameters import ParameterChanges
 from tgl_soar.sim.firmware.relay import Relay
 from tgl_soar.sim.firmware.sensors import FirmwareSensors, Readings, firmware_sensors
 from tgl_soar.sim.routing import LinkId
