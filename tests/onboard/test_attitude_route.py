@@ -33,7 +33,7 @@ class Guided(Flight):
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
             super().run(0.05)
-            for message in self.said():
+            for message in self.outbound():
                 if message.get_type() == "SET_ATTITUDE_TARGET":
                     self.targets.append(message)
                 if message.get_type() == "COMMAND_ACK":
@@ -287,9 +287,9 @@ def test_a_stop_after_the_pilot_s_choice_changes_nothing() -> None:
     flight.run(2.0)
     flight.mode = LOITER
     flight.run(0.3)
-    flight.said()
+    flight.outbound()
     flight.onboard.stop()
-    assert [m for m in flight.said() if m.get_type() == "COMMAND_LONG"] == []
+    assert [m for m in flight.outbound() if m.get_type() == "COMMAND_LONG"] == []
 
 
 def test_the_pilot_s_mode_ends_the_flight_and_is_not_changed() -> None:
@@ -356,8 +356,8 @@ def test_a_mode_that_a_lost_link_kept_is_left_when_the_link_is_back(silent_s: fl
     flight.run(3.0)
     assert flight.mode == FBWA
     assert asked_modes(flight)[-1] == FBWA
-    said = any("still in GUIDED" in text for text in flight.console)
-    assert said == (silent_s > 5.0)
+    is_reported = any("still in GUIDED" in text for text in flight.console)
+    assert is_reported == (silent_s > 5.0)
 
 
 def test_a_mode_that_somebody_chooses_in_a_failsafe_or_after_it_stays() -> None:
@@ -405,9 +405,9 @@ def test_the_end_of_the_process_leaves_the_mode() -> None:
     flight.set("OP_ENGAGE", 1.0)
     flight.run(2.0)
     flight.onboard.stop()
-    said = flight.said()
-    assert "tgl_soar stopped" in texts(said)
-    assert [m.param2 for m in said if m.get_type() == "COMMAND_LONG"] == [FBWA] * 5
+    messages = flight.outbound()
+    assert "tgl_soar stopped" in texts(messages)
+    assert [m.param2 for m in messages if m.get_type() == "COMMAND_LONG"] == [FBWA] * 5
 
 
 def test_mavlink_has_the_numbers_that_are_used() -> None:
@@ -422,6 +422,6 @@ def test_an_elevator_gain_that_nobody_flies_is_taken_and_said_not_to_be_judged()
     flight.run(1.2)
     flight.set("ELE_D", 3.0)
     Flight.run(flight, 0.5)  # Guided's own reads what is said
-    words = "".join(texts(flight.said()))
+    words = "".join(texts(flight.outbound()))
     assert "no margin is judged: the autopilot's own loops hold the attitude" in words
     assert "ELE_D = 3" not in words  # as a refusal begins

@@ -76,8 +76,8 @@ class Network(Flight):
         return [mavlink.MAVLink(None).decode(bytearray(f)) for f in frames]
 
 
-def results(said: list[Any]) -> list[tuple[int, int]]:
-    return [(m.command, m.result) for m in said if m.get_type() == "COMMAND_ACK"]
+def results(messages: list[Any]) -> list[tuple[int, int]]:
+    return [(m.command, m.result) for m in messages if m.get_type() == "COMMAND_ACK"]
 
 
 @pytest.mark.parametrize("echoes", [False, True])
@@ -90,12 +90,12 @@ def test_while_a_duplicate_is_received_nobody_engages(echoes: bool) -> None:
     network.run(2.0)
     assert network.modes == [READY, READY]
     for number in (0, 1):
-        said = network.reported(number)
-        assert (ENGAGE, REJECTED) in results(said)
-        words = "".join(texts(said))
+        messages = network.reported(number)
+        assert (ENGAGE, REJECTED) in results(messages)
+        words = "".join(texts(messages))
         assert "another module is system 1, component 191, too" in words
         assert "stop one" in words
-        kinds = {m.get_type() for m in said}
+        kinds = {m.get_type() for m in messages}
         assert "RC_CHANNELS_OVERRIDE" not in kinds
 
 
@@ -141,10 +141,10 @@ def test_of_two_that_are_both_engaged_both_disengage(when_s: float) -> None:
     network.run(1.1)
     assert network.modes == [READY, READY]
     for number in (0, 1):
-        said = network.reported(number)
-        assert any("disengaged: another module" in text for text in texts(said))
-        assert results(said)[-1] == (ENGAGE, FAILED)  # not of an operator's own will
-        overrides = [m for m in said if m.get_type() == "RC_CHANNELS_OVERRIDE"]
+        messages = network.reported(number)
+        assert any("disengaged: another module" in text for text in texts(messages))
+        assert results(messages)[-1] == (ENGAGE, FAILED)  # not of an operator's own will
+        overrides = [m for m in messages if m.get_type() == "RC_CHANNELS_OVERRIDE"]
         assert [m.chan2_raw for m in overrides][-1] == 0  # given back
 
 

@@ -39,7 +39,7 @@ class Bench:
         self.values = {"OP_RC_CHAN": 0.0, "OP_RC_ON": 1700.0, "OP_RC_OFF": 1300.0}
         self.values |= {"OP_FORCE": 0.0, "OP_ENGAGE": 0.0, "OP_GCS_LOSS": 0.0, "OP_GCS_S": 5.0}
         self.values |= {"GPS_ACC_H": 0.0, "GPS_ACC_V": 0.0}
-        self.said: list[tuple[int, str]] = []
+        self.texts: list[tuple[int, str]] = []
         self.console_words: list[str] = []
         self.beats = self.asked_again = 0
         self.asked: list[dict[str, bool]] = []
@@ -88,7 +88,7 @@ class Bench:
         self.values[name] = value
 
     def tell(self, severity: int, text: str) -> None:
-        self.said.append((severity, text))
+        self.texts.append((severity, text))
 
     def console(self, text: str) -> None:
         self.console_words.append(text)
@@ -245,7 +245,7 @@ def test_engaged_and_released_it_is_shown_and_said_on_the_console(bench: Bench) 
     bench.switch.turn(RELEASE, "system 255", 11.0, STATION)
     bench.switch.turn(NOTHING, "system 255", 11.0, STATION)
     assert bench.console_words == ["engaged by system 255", "released by system 255"]
-    assert bench.said == []
+    assert bench.texts == []
     assert len(bench.asked) == 1
 
 
@@ -254,7 +254,7 @@ def test_an_abort_holds_back_until_somebody_releases(bench: Bench) -> None:
     bench.switch.turn(ABORT, "system 9", 10.0, STATION)
     assert bench.op_engage == 0.0
     words = "aborted by system 9: no engagement until released"
-    assert bench.said == [(SEVERITY_WARNING, words)]
+    assert bench.texts == [(SEVERITY_WARNING, words)]
     bench.lands()
     assert bench.switch.refusal(99.0).startswith("aborted by system 9")
     bench.switch.turn(RELEASE, "system 255", 100.0, STATION)
@@ -299,7 +299,7 @@ def test_whoever_has_engaged_is_told_how_it_goes(
 def test_a_mode_that_does_not_come_ends_the_engagement(bench: Bench, engaged: bool) -> None:
     bench.values["OP_ENGAGE"] = float(engaged)
     bench.switch.mode_change_failed("no mode", 10.0)
-    assert bench.said == [(SEVERITY_ERROR, "no mode")]
+    assert bench.texts == [(SEVERITY_ERROR, "no mode")]
     assert bench.op_engage == 0.0
     assert len(bench.asked) == int(engaged)
     assert bool(bench.switch.refusal(10.1)) == engaged  # a station's repeat is not heard
@@ -333,7 +333,7 @@ def test_a_force_that_nothing_uses_within_a_minute_is_over(
     bench.switch.end_force(100.0 + after_s)
     assert (bench.values["OP_FORCE"] == 0.0) == over
     words = "OP_FORCE is 0 again: nothing was forced within 60 s"
-    assert bench.said == ([(SEVERITY_WARNING, words)] if over else [])
+    assert bench.texts == ([(SEVERITY_WARNING, words)] if over else [])
 
 
 def test_with_another_clock_nothing_that_was_timed_counts(bench: Bench) -> None:
@@ -384,7 +384,7 @@ def test_a_switch_that_cannot_engage_says_why(bench: Bench) -> None:
     bench.presence.mode = modes.FAILED
     bench.pulse(10.1, ON)
     words = "the pilot's switch cannot engage: it has failed: start it again"
-    assert bench.said == [(SEVERITY_WARNING, words)]
+    assert bench.texts == [(SEVERITY_WARNING, words)]
     assert not bench.engage
 
 
@@ -402,10 +402,11 @@ def test_a_switch_that_goes_low_takes_an_abort_back_and_one_that_stays_low_does_
 
 
 @pytest.mark.parametrize(
-    ("silent_s", "said", "ends"), [(0.99, False, False), (1.01, True, False), (3.01, False, True)]
+    ("silent_s", "is_reported", "ends"),
+    [(0.99, False, False), (1.01, True, False), (3.01, False, True)],
 )
 def test_a_switch_that_falls_silent_in_flight_is_reported_and_ends_it(
-    bench: Bench, silent_s: float, said: bool, ends: bool
+    bench: Bench, silent_s: float, is_reported: bool, ends: bool
 ) -> None:
     with_switch(bench).pulse(10.0, MIDDLE)
     bench.flies()
@@ -414,7 +415,7 @@ def test_a_switch_that_falls_silent_in_flight_is_reported_and_ends_it(
     why = "no RC_CHANNELS are received (OP_RC_CHAN = 5)"
     warned = (SEVERITY_WARNING, f"the pilot's switch is silent, disengaging in 2 s: {why}")
     ended = (SEVERITY_ERROR, f"disengaged: the pilot's switch is silent: {why}")
-    assert bench.said == [warned] * said + [ended] * ends
+    assert bench.texts == [warned] * is_reported + [ended] * ends
     assert bench.engage != ends
 
 
@@ -426,11 +427,11 @@ def test_a_silence_is_reported_anew_after_the_switch_was_there(bench: Bench) -> 
     bench.pulse(12.1, MIDDLE)
     bench.switch.watch_pilot_switch(12.2)
     bench.switch.watch_pilot_switch(13.5)
-    assert len(bench.said) == 2
+    assert len(bench.texts) == 2
     bench.lands()
     bench.values["OP_ENGAGE"] = 0.0
     bench.switch.watch_pilot_switch(99.0)  # on the ground nobody is told
-    assert len(bench.said) == 2
+    assert len(bench.texts) == 2
 
 
 @pytest.mark.parametrize(
@@ -513,10 +514,10 @@ def test_of_two_modules_one_flies_or_none(
     who = "another module is system 1, component 191, too"
     both = " and engaged" if theirs == modes.SOARING else ""
     if ends:
-        assert bench.said == [(SEVERITY_ERROR, f"disengaged: {who}{both}")]
+        assert bench.texts == [(SEVERITY_ERROR, f"disengaged: {who}{both}")]
     else:
-        assert bench.said[0][0] == SEVERITY_WARNING
-        assert bench.said[0][1].startswith(f"{who}: stop one")
+        assert bench.texts[0][0] == SEVERITY_WARNING
+        assert bench.texts[0][1].startswith(f"{who}: stop one")
     assert bench.beats == int(ends)
     assert bench.engage == (engage and not ends)
 
@@ -524,9 +525,9 @@ def test_of_two_modules_one_flies_or_none(
 def test_a_duplicate_is_reported_every_ten_seconds_and_our_own_echo_never(bench: Bench) -> None:
     for now_s, count in ((100.0, 1), (109.9, 1), (110.1, 2), (50.0, 3)):
         bench.switch.meet_duplicate(duplicate(), now_s)
-        assert len(bench.said) == count
+        assert len(bench.texts) == count
     bench.switch.meet_duplicate(duplicate(start=5), 200.0)
-    assert len(bench.said) == 3
+    assert len(bench.texts) == 3
 
 
 # --- stations and receiver ----------------------------------------------------------------------
@@ -537,16 +538,16 @@ def test_a_station_that_falls_silent_in_flight(bench: Bench, loss: float, ends: 
     bench.flies().values["OP_GCS_LOSS"] = loss
     bench.switch.stations.received(100.0)
     bench.switch.watch(104.9)
-    assert bench.said == []
+    assert bench.texts == []
     for now_s in (105.1, 106.0):
         bench.switch.watch(now_s)
     words = "no ground station for 5 s"
     expected = [(SEVERITY_ERROR, f"disengaged: {words}")]
-    assert bench.said == (expected if ends else [(SEVERITY_WARNING, f"{words}: flying on")])
+    assert bench.texts == (expected if ends else [(SEVERITY_WARNING, f"{words}: flying on")])
     assert bench.engage != ends
-    bench.said.clear()
+    bench.texts.clear()
     bench.switch.stations.received(107.0)
-    assert bench.said == ([] if ends else [(SEVERITY_INFO, "a ground station is there again")])
+    assert bench.texts == ([] if ends else [(SEVERITY_INFO, "a ground station is there again")])
 
 
 def test_a_station_is_asked_for_where_its_loss_counts(bench: Bench) -> None:
@@ -562,9 +563,9 @@ def test_a_station_is_asked_for_where_its_loss_counts(bench: Bench) -> None:
     watch.restart()
     bench.values |= {"OP_ENGAGE": 1.0, "OP_GCS_LOSS": 2.0}
     assert watch.look(11.0) == ""
-    assert bench.said == []  # there was none: nothing was lost
+    assert bench.texts == []  # there was none: nothing was lost
     watch.received(12.0)
-    assert bench.said == [(SEVERITY_INFO, "a ground station is there again")]
+    assert bench.texts == [(SEVERITY_INFO, "a ground station is there again")]
 
 
 def test_a_receiver_that_becomes_worse_is_reported_until_it_is_a_fifth_better(
@@ -576,15 +577,15 @@ def test_a_receiver_that_becomes_worse_is_reported_until_it_is_a_fifth_better(
     watch: Any = GnssWatch
     receiver = SimpleNamespace(counts=True, known=lambda _: bench.accuracy)
     gnss = watch(bench, receiver, bench)
-    for accuracy, said in (
+    for accuracy, texts in (
         *(((1.9, 2.9), []), ((2.1, 2.9), [worse]), ((1.7, 2.9), []), ((1.61, 2.0), [])),
         *(((1.59, 2.39), [better]), ((1.5, 2.9), [])),
     ):
-        bench.said.clear()
+        bench.texts.clear()
         bench.accuracy = accuracy
         for _ in range(2):
             gnss.look(1.0)
-        assert bench.said == said
+        assert bench.texts == texts
     bench.accuracy = (1.0, 3.1)
     assert gnss.refusal(1.0) == "receiver uncertain by 3.1 m up: above GPS_ACC_V"
     bench.values["GPS_ACC_V"] = 0.0  # asks for nothing
@@ -594,8 +595,8 @@ def test_a_receiver_that_becomes_worse_is_reported_until_it_is_a_fifth_better(
     bench.values["OP_ENGAGE"] = 0.0
     gnss.look(1.0)
     bench.values["OP_ENGAGE"] = 1.0
-    bench.said.clear()
+    bench.texts.clear()
     gnss.look(1.0)  # another flight
-    assert len(bench.said) == 1
+    assert len(bench.texts) == 1
     receiver.counts = False
     assert gnss.refusal(1.0) == ""

@@ -18,9 +18,9 @@ RELEASE, ABORT = mavlink.MAV_CMD_USER_2, mavlink.MAV_CMD_USER_3
 
 def reported(flight: Flight, name: str) -> float:
     """The last that came of a number within a second and a half."""
-    flight.said()
+    flight.outbound()
     flight.run(1.5)
-    values: list[float] = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == name]
+    values: list[float] = [m.value for m in flight.outbound("NAMED_VALUE_FLOAT") if m.name == name]
     return values[-1]
 
 

@@ -18,7 +18,7 @@ def soaring() -> Flight:
     flight.base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     flight.engaged().run(4.0)
     assert flight.mode_now == SOARING
-    flight.said()
+    flight.outbound()
     return flight
 
 
@@ -30,7 +30,7 @@ def start(flight: Flight) -> float:
 
 
 def words(flight: Flight) -> list[str]:
-    return [text for text in texts(flight.said()) if "multisine" in text]
+    return [text for text in texts(flight.outbound()) if "multisine" in text]
 
 
 def test_it_runs_to_its_end_and_the_switch_goes_back() -> None:
@@ -40,13 +40,13 @@ def test_it_runs_to_its_end_and_the_switch_goes_back() -> None:
     flight.run(10.0)
     output = flight.onboard.output
     assert output is not None
-    arrays = flight.said("DEBUG_FLOAT_ARRAY")
+    arrays = flight.outbound("DEBUG_FLOAT_ARRAY")
     shown = [dict(zip(ARRAY, array.data, strict=False)) for array in arrays]
     assert {array["exc_state"] for array in shown} == {RUNNING}
     assert 0.1 < max(abs(array["exc_pitch"]) for array in shown) <= 1.0
     assert abs(degrees(output.excitation.pitch_rad)) <= 1.0
     flight.run(WHOLE_S - 10.0)
-    messages = flight.said()
+    messages = flight.outbound()
     assert "multisine: done" in texts(messages)
     shown_back = [m for m in messages if m.get_type() == "PARAM_VALUE"]
     assert [(m.param_id, m.param_value) for m in shown_back] == [("EXC_START", 0.0)]
@@ -104,6 +104,6 @@ def test_it_is_refused_anywhere_but_on_the_line(engaged: bool) -> None:
     flight.run(1.0)
     if engaged:
         flight.engaged()
-    flight.said()
+    flight.outbound()
     assert start(flight) == 0.0
     assert words(flight) == ["multisine: refused: not soaring"]

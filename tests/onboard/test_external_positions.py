@@ -58,8 +58,8 @@ class Scene:
         self.tracker = tracker
         self.asked: list[Any] = []
         self.sources: list[Any] = []
-        self.said: list[Any] = []
-        self.told: list[tuple[int, str]] = []
+        self.outbound: list[Any] = []
+        self.texts: list[tuple[int, str]] = []
         self.chosen: Any = SimpleNamespace(
             take=lambda *given: self.sources.append(given),
             position=NO_FIX._replace(sequence=1, time_s=T_S),
@@ -71,7 +71,7 @@ class Scene:
         self.session, self.clocking = session, clocking
         outbox: Any = SimpleNamespace(
             autopilot="autopilot",
-            say=lambda *given: self.said.append(given),
+            say=lambda *given: self.outbound.append(given),
             tell_all=self._tell_all,
         )
         flown = setup()._replace(
@@ -85,7 +85,7 @@ class Scene:
             self.positions.add_mocap(tracker, link)
 
     def _tell_all(self, notices: list[tuple[int, str]]) -> None:
-        self.told += notices
+        self.texts += notices
         notices.clear()
 
     def pose(self) -> None:
@@ -138,7 +138,7 @@ def test_an_attitude_of_the_tracker_is_flown_with_where_the_site_asks_for_it() -
     given = scene.positions.attitude(T_S)
     assert (given.time_s, given.qw) == (scene.tracker.fix.time_s, 1.0)
     scene.positions.forward(T_S)
-    assert scene.told == [(SEVERITY_INFO, "attitude: the tracker's")]
+    assert scene.texts == [(SEVERITY_INFO, "attitude: the tracker's")]
 
 
 @pytest.mark.parametrize("tracked", [True, False])
@@ -169,7 +169,7 @@ def test_what_the_tracker_asks_is_sent_and_its_words_are_told() -> None:
     scene.tracker.notices = [(SEVERITY_WARNING, "no Motive")]
     scene.positions.ask(T_S)
     assert scene.asked == [b"ask 20", b"more"]
-    assert scene.told == [(SEVERITY_WARNING, "no Motive")]
+    assert scene.texts == [(SEVERITY_WARNING, "no Motive")]
 
 
 def test_a_server_that_streams_elsewhere_is_followed() -> None:
@@ -183,7 +183,7 @@ def test_without_a_tracker_nobody_is_asked() -> None:
     scene = Scene(mocap=False)
     scene.positions.ask(T_S)
     scene.positions.restart()
-    assert (scene.asked, scene.told, scene.tracker.rebased) == ([], [], 0)
+    assert (scene.asked, scene.texts, scene.tracker.rebased) == ([], [], 0)
 
 
 # --- forwarded ------------------------------------------------------------------------------------
@@ -193,7 +193,7 @@ def test_the_pose_goes_to_the_autopilot_alone_and_once() -> None:
     scene = Scene(forward=Forward())
     for _ in range(2):
         scene.positions.forward(T_S + 0.01)
-    ((message, route),) = scene.said
+    ((message, route),) = scene.outbound
     assert (message.usec, route) == (round(T_S * 1e6), "autopilot")
 
 
@@ -202,17 +202,17 @@ def test_nothing_is_forwarded_where_the_site_does_not_ask_for_it() -> None:
     scene.positions.vision(BRIDGE)
     scene.positions.forward(T_S + 0.01)
     scene.positions.restart()
-    assert (scene.said, scene.told) == ([], [])
+    assert (scene.outbound, scene.texts) == ([], [])
 
 
 def test_why_nothing_is_forwarded_is_told() -> None:
     scene = Scene(forward=Forward())
     scene.chosen.attitude = None
     scene.positions.forward(T_S + 0.01)
-    ((severity, text),) = scene.told
+    ((severity, text),) = scene.texts
     assert severity == SEVERITY_WARNING
     assert text.endswith("is not forwarded: it has no attitude")
-    assert scene.said == []
+    assert scene.outbound == []
 
 
 @pytest.mark.parametrize(("sender", "forwards"), [(BRIDGE, False), (STRANGER, True)])
@@ -223,7 +223,7 @@ def test_a_bridge_that_speaks_to_the_autopilot_itself_is_not_repeated(
     scene.chosen.chosen = VISION
     scene.positions.vision(sender)
     scene.positions.forward(T_S + 0.01)
-    assert bool(scene.said) is forwards
+    assert bool(scene.outbound) is forwards
 
 
 def test_with_another_clock_a_pose_is_due_at_once() -> None:
@@ -232,4 +232,7 @@ def test_with_another_clock_a_pose_is_due_at_once() -> None:
     scene.positions.restart()
     scene.chosen.position = NO_FIX._replace(sequence=2, time_s=VEHICLE_S)
     scene.positions.forward(VEHICLE_S)
-    assert [message.usec for message, _ in scene.said] == [round(T_S * 1e6), round(VEHICLE_S * 1e6)]
+    assert [message.usec for message, _ in scene.outbound] == [
+        round(T_S * 1e6),
+        round(VEHICLE_S * 1e6),
+    ]

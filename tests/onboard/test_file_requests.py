@@ -19,7 +19,7 @@ from tgl_soar.link.component_metadata import GENERAL, checksum_of, metadata_file
 def flight() -> Flight:
     made = Flight()
     made.run(1.0)
-    made.said()
+    made.outbound()
     return made
 
 
@@ -32,40 +32,40 @@ def ask_for_file(station: Station, payload: list[int], component: int = 191) -> 
     station.say(mavlink.MAVLink_file_transfer_protocol_message(0, 1, component, payload))
 
 
-def of_files(said: list[Any]) -> list[Any]:
-    return [m for m in said if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
+def of_files(messages: list[Any]) -> list[Any]:
+    return [m for m in messages if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
 
 
 def test_a_request_for_a_file_is_answered_at_once_and_where_it_was_asked(flight: Flight) -> None:
     station = Station(flight)
     flight.run(0.1)
-    station.said()
-    flight.said()
+    station.received()
+    flight.outbound()
     opens = file_request(4, b"@PARAM/param.pck")
     for component in (191, 1, 0):
         ask_for_file(station, opens, component)
-    (answer,) = of_files(station.said())
+    (answer,) = of_files(station.received())
     assert (answer.target_system, answer.target_component) == (255, 190)
     assert answer.payload[:4] == [8, 0, 1, 129]
-    assert "FILE_TRANSFER_PROTOCOL" not in kinds(flight.said())
+    assert "FILE_TRANSFER_PROTOCOL" not in kinds(flight.outbound())
     for _ in range(500):
         ask_for_file(station, opens)
-    assert len(station.said()) <= 20  # a flood is not
+    assert len(station.received()) <= 20  # a flood is not
 
 
 def test_a_station_reads_what_our_parameters_mean(flight: Flight) -> None:
     station = Station(flight)
     flight.run(0.1)
-    station.said()
+    station.received()
     ask_for_file(station, file_request(4, b"/parameters.json.xz"))
-    (opened,) = of_files(station.said())
+    (opened,) = of_files(station.received())
     (size,) = unpack_from("<I", bytes(opened.payload), 12)
     read, bursts = b"", 0
     while len(read) < size and bursts < 5:
         ask_for_file(station, file_request(15, offset=len(read), size=239))
         bursts += 1
         flight.run(4.5)
-        for piece in of_files(station.said()):
+        for piece in of_files(station.received()):
             payload = bytes(piece.payload)
             assert unpack_from("<I", payload, 8) == (len(read),)
             read += payload[12 : 12 + payload[4]]
@@ -76,13 +76,13 @@ def test_files_take_half_of_the_telemetry_s_budget_and_numbers_keep_coming(fligh
     station = Station(flight)
     flight.run(2.0)
     ask_for_file(station, file_request(4, b"/parameters.json.xz"))
-    station.said()
+    station.received()
     seconds, budget = 10.0, flight.onboard.settings.values["TEL_BUDGET"]
     sent: list[Any] = []
     for _ in range(round(seconds)):
         ask_for_file(station, file_request(15, size=239))  # again and again: no more comes of it
         flight.run(1.0)
-        sent += station.said()
+        sent += station.received()
     bytes_of = {
         files: sum(len(m.get_msgbuf()) for m in sent if (m in of_files(sent)) == files)
         for files in (True, False)
@@ -99,21 +99,21 @@ def test_a_busy_computer_sends_no_files(flight: Flight) -> None:
     station = Station(flight)
     flight.run(0.5)
     ask_for_file(station, file_request(4, b"/parameters.json.xz"))
-    station.said()
+    station.received()
     operators = flight.onboard._operators
     ask_for_file(station, file_request(15, size=239))
     for n in range(100):
         operators.serve(flight.now_s + 0.02 * n, sheds=True)
-    assert of_files(station.said()) == []
+    assert of_files(station.received()) == []
     for n in range(100, 200):
         operators.serve(flight.now_s + 0.02 * n, sheds=False)
-    assert len(of_files(station.said())) > 3
+    assert len(of_files(station.received())) > 3
 
 
 def test_our_metadata_is_named_when_asked_for(flight: Flight) -> None:
     station = Station(flight)
     flight.run(0.1)
-    station.said()
+    station.received()
     request_message, of_metadata = 512, 397
     station.say(
         mavlink.MAVLink_command_long_message(1, 191, request_message, 0, of_metadata, *[0.0] * 6)

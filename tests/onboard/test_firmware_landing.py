@@ -42,21 +42,21 @@ def read(firmware: Firmware, landing: Any, mode: int = READY) -> None:
 
 
 def asked_in_landing(firmware: Firmware) -> tuple[Reported, Any]:
-    said = Reported()
-    landing = landing_by(firmware, said, BY_MISSION)
+    reported = Reported()
+    landing = landing_by(firmware, reported, BY_MISSION)
     firmware.time_s = nan  # no heartbeat yet
     read(firmware, landing, LANDING)
-    assert said.sent == []
+    assert reported.sent == []
     firmware.time_s = 2.0
     landing.tick(at(LANDING, 2.0))
-    return said, landing
+    return reported, landing
 
 
 @pytest.mark.parametrize("name", ["ardupilot", "px4"])
 def test_a_landing_is_asked_for_as_the_protocol_has_it(name: str) -> None:
     """DO_LAND_START: all seven parameters are empty or reserved; to the autopilot itself."""
-    said, _ = asked_in_landing(Firmware(name))
-    (request,) = said.sent
+    reported, _ = asked_in_landing(Firmware(name))
+    (request,) = reported.sent
     assert request.command == mavlink.MAV_CMD_DO_LAND_START
     assert request.params == (0.0,) * 7
     assert (request.target_system, request.target_component) == (1, 1)
@@ -65,24 +65,24 @@ def test_a_landing_is_asked_for_as_the_protocol_has_it(name: str) -> None:
 
 def test_after_the_hand_over_the_item_is_asked_for_as_the_protocol_has_it() -> None:
     firmware = Firmware("ardupilot")
-    said, landing = asked_in_landing(firmware)
-    said.sent.clear()
+    reported, landing = asked_in_landing(firmware)
+    reported.sent.clear()
     firmware.custom_mode = MODE_AUTO
     for k in range(4):
         landing.tick(at(RELEASED, 3.0 + 0.1 * k))
-    (request,) = said.sent
+    (request,) = reported.sent
     assert request.command == mavlink.MAV_CMD_REQUEST_MESSAGE
     assert request.params == (float(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT), *(0.0,) * 6)
 
 
 def test_px4_lands_in_its_mission_mode() -> None:
     firmware = Firmware("px4")
-    said, landing = asked_in_landing(firmware)
+    reported, landing = asked_in_landing(firmware)
     firmware.custom_mode = MODE_MISSION
     landing.tick(at(RELEASED, 3.0))
     firmware.mission.take(MissionCurrent(3))
     landing.tick(at(RELEASED, 3.1))
-    assert said.words == ["the autopilot lands: item 3 of its mission"]
+    assert reported.words == ["the autopilot lands: item 3 of its mission"]
 
 
 @pytest.mark.parametrize(("again_s", "asked"), [(0.4, 1), (0.6, 2)])
@@ -91,10 +91,10 @@ def test_it_is_asked_for_again_after_a_heartbeat_that_can_be_an_answer(
 ) -> None:
     """A radio's round trip and what the firmware takes to act: half a second."""
     firmware = Firmware("ardupilot")
-    said, landing = asked_in_landing(firmware)
+    reported, landing = asked_in_landing(firmware)
     firmware.time_s = 2.0 + again_s
     landing.tick(at(LANDING, 2.0 + again_s))
-    assert len(said.sent) == asked
+    assert len(reported.sent) == asked
 
 
 # --- where it may land ----------------------------------------------------------------------------
@@ -116,22 +116,22 @@ def test_it_is_asked_for_again_after_a_heartbeat_that_can_be_an_answer(
 def test_a_touch_down_may_be_off_by_half_the_strip_and_what_receivers_differ_by(
     off_x_m: float, off_y_m: float, length_m: float, fits: bool
 ) -> None:
-    firmware, said = Firmware("ardupilot"), Reported()
+    firmware, reported = Firmware("ardupilot"), Reported()
     place = {"LND_X": -28.0 + off_x_m, "LND_Y": off_y_m, "LND_LEN": length_m}
-    landing = landing_by(firmware, said, BY_MISSION, **place)
+    landing = landing_by(firmware, reported, BY_MISSION, **place)
     read(firmware, landing)
-    assert [word for word in said.words if "from LND_X and LND_Y" in word] == (
-        [] if fits else said.words
+    assert [word for word in reported.words if "from LND_X and LND_Y" in word] == (
+        [] if fits else reported.words
     )
-    assert len(said.words) == (not fits)
+    assert len(reported.words) == (not fits)
 
 
 def test_where_the_frame_lies_is_not_known_any_place_fits() -> None:
-    firmware, said = Firmware("ardupilot"), Reported()
+    firmware, reported = Firmware("ardupilot"), Reported()
     firmware.position = firmware.position.__class__(home=None)
-    landing = landing_by(firmware, said, BY_MISSION, LND_X=5000.0)
+    landing = landing_by(firmware, reported, BY_MISSION, LND_X=5000.0)
     read(firmware, landing)
-    assert said.words == []
+    assert reported.words == []
 
 
 @pytest.mark.parametrize(
@@ -140,13 +140,13 @@ def test_where_the_frame_lies_is_not_known_any_place_fits() -> None:
 def test_any_of_several_landings_will_do(item: int, lands: bool) -> None:
     two = (*LANDING_ITEMS, (16, 0.0), (189, 0.0), (21, 28.0), (16, 0.0))
     firmware = Firmware("ardupilot", two)
-    said, landing = asked_in_landing(firmware)
+    reported, landing = asked_in_landing(firmware)
     firmware.custom_mode = MODE_AUTO
     landing.tick(at(RELEASED, 3.0))
     firmware.mission.take(MissionCurrent(item))
     for k in range(60):
         landing.tick(at(RELEASED, 3.1 + 0.1 * k))
-    (words,) = said.words
+    (words,) = reported.words
     assert (f"the autopilot lands: item {item}" in words) is lands
 
 
@@ -158,9 +158,9 @@ def test_within_ten_metres_of_its_home_an_arduplane_lands_nothing(
     over_m: float, asked: bool
 ) -> None:
     """Its loop of speed and height does not run below that; whatever the frame is turned by."""
-    firmware, said = Firmware("ardupilot"), Reported()
+    firmware, reported = Firmware("ardupilot"), Reported()
     firmware.frame = SoaringFrame(3.0, -4.0, -6.0, radians(270.0))
-    landing = landing_by(firmware, said, BY_MISSION, LND_LEN=0.0)
+    landing = landing_by(firmware, reported, BY_MISSION, LND_LEN=0.0)
     place = (round(HOME.latitude_deg * 1e7), round(HOME.longitude_deg * 1e7))
     height_mm = round(1000.0 * (HOME.altitude_m + 5.0))  # of the autopilot's home
     firmware.mission.take(HomeMessage(*place, height_mm))
@@ -170,17 +170,17 @@ def test_within_ten_metres_of_its_home_an_arduplane_lands_nothing(
     for k in range(4):
         firmware.time_s = 1.0 + 0.1 * k
         landing.tick(at(LANDING, 1.0 + 0.1 * k, z_m))
-    assert bool(said.sent) is asked
-    assert len(said.words) == (not asked)
-    assert all(word.startswith(f"its home is {over_m:.0f} m below us") for word in said.words)
+    assert bool(reported.sent) is asked
+    assert len(reported.words) == (not asked)
+    assert all(word.startswith(f"its home is {over_m:.0f} m below us") for word in reported.words)
 
 
 # --- when it is read ------------------------------------------------------------------------------
 
 
 def test_the_mission_is_read_when_it_is_set_and_as_it_breaks_off_and_not_again_in_landing() -> None:
-    firmware, said = Firmware("ardupilot"), Reported()
-    landing = landing_by(firmware, said, BY_MISSION)
+    firmware, reported = Firmware("ardupilot"), Reported()
+    landing = landing_by(firmware, reported, BY_MISSION)
     begun: list[float] = []
     now = 0.0
     begin = firmware.mission.begin
@@ -204,11 +204,11 @@ def test_the_mission_is_read_when_it_is_set_and_as_it_breaks_off_and_not_again_i
 
 def test_no_mission_is_read_where_the_firmware_lands_by_its_return_or_not_at_all() -> None:
     for by in (BY_RETURN, 0.0):
-        firmware, said = Firmware("px4"), Reported()
-        landing = landing_by(firmware, said, by)
+        firmware, reported = Firmware("px4"), Reported()
+        landing = landing_by(firmware, reported, by)
         landing.tick(at(BREAKING_OFF, 1.0))
         assert firmware.mission.poll(1.1) == []
-        assert said.words == []
+        assert reported.words == []
 
 
 @pytest.mark.parametrize(

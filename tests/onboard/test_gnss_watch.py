@@ -46,7 +46,7 @@ def test_engaging_is_refused_while_the_receiver_is_uncertain(
     flight.set("OP_ENGAGE", 1.0)
     report(flight, h_acc, v_acc)
     assert flight.mode_now not in FLYING
-    refusal = "".join(texts(flight.said()))
+    refusal = "".join(texts(flight.outbound()))
     assert word in refusal
     report(flight, 1000, 1000, seconds=1.0)
     flight.set("OP_ENGAGE", 1.0)
@@ -101,14 +101,14 @@ def test_in_flight_it_is_reported_once_and_ends_nothing() -> None:
     report(flight, 1000, 1000)
     flight.set("OP_ENGAGE", 1.0)
     report(flight, 1000, 1000, seconds=3.0)
-    flight.said()
+    flight.outbound()
     for h_acc in (3500, 2900, 3200):  # about the limit: told once
         report(flight, h_acc, 1000)
-    told = [text for text in texts(flight.said()) if "receiver" in text]
-    assert told == ["receiver uncertain by 3.5 m: above GPS_ACC_H"]
+    reported = [text for text in texts(flight.outbound()) if "receiver" in text]
+    assert reported == ["receiver uncertain by 3.5 m: above GPS_ACC_H"]
     assert flight.mode_now in FLYING
     report(flight, 2000, 1000)
-    assert "the receiver is accurate enough again" in texts(flight.said())
+    assert "the receiver is accurate enough again" in texts(flight.outbound())
 
 
 def test_another_senders_report_is_ignored() -> None:

@@ -92,23 +92,23 @@ def flight() -> Flight:
     flown.base_mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     flown.engaged().run(4.0)
     assert flown.mode_now == SOARING
-    flown.said()
+    flown.outbound()
     return flown
 
 
 def test_the_height_is_reported_as_it_goes_once_each(flight: Flight) -> None:
-    settings, said = Settings(), Reported()
-    switch = LaunchLandingSwitch(settings, said)  # type: ignore[arg-type]
+    settings, reported = Settings(), Reported()
+    switch = LaunchLandingSwitch(settings, reported)  # type: ignore[arg-type]
     for left in (9.0, 4.9, 4.8, 5.1, 4.9, 1.9, 1.0, -0.1, -0.5):
         switch.tick(output_of(flight, SOARING, left_m=left))
-    assert said.words == [
+    assert reported.words == [
         f"height left for the landing: {left} m, 1:15 min" for left in ("4.9", "1.9", "-0.1")
     ]
     switch.tick(output_of(flight, SOARING, left_m=9.0))
     switch.tick(output_of(flight, SOARING, left_m=4.0))
-    assert len(said.words) == 4  # it was clearly more again
+    assert len(reported.words) == 4  # it was clearly more again
     switch.tick(output_of(flight, LANDING, left_m=1.0))
-    assert len(said.words) == 4  # it is on its way
+    assert len(reported.words) == 4  # it is on its way
 
 
 def test_the_switches_go_back_by_themselves(flight: Flight) -> None:
@@ -145,14 +145,14 @@ def test_what_has_broken_off_asks_for_nothing_any_more(flight: Flight) -> None:
 
 
 def test_a_launch_that_nobody_engages_expires(flight: Flight) -> None:
-    settings, said = Settings(LNC_START=1.0), Reported()
-    switch = LaunchLandingSwitch(settings, said)  # type: ignore[arg-type]
+    settings, reported = Settings(LNC_START=1.0), Reported()
+    switch = LaunchLandingSwitch(settings, reported)  # type: ignore[arg-type]
     for now in (0.0, 59.0):
         switch.tick(output_of(flight, READY, now))
         assert settings.values["LNC_START"] == 1.0
     switch.tick(output_of(flight, READY, 61.0))
     assert settings.values["LNC_START"] == 0.0
-    assert said.words == ["LNC_START is 0 again: nothing was engaged within 60 s"]
+    assert reported.words == ["LNC_START is 0 again: nothing was engaged within 60 s"]
     settings.values["LNC_START"] = 1.0
     for k in range(100):  # in the hand for longer, in control
         switch.tick(output_of(flight, LAUNCHING, 62.0 + k))
@@ -219,7 +219,7 @@ def test_a_break_off_by_command_over_the_air() -> None:
     assert flown.onboard.settings.values["ESC_START"] == 1.0
     flown.run(0.1)
     assert flown.mode_now == BREAKING_OFF
-    assert "breaking off: breaks off" in texts(flown.said())
+    assert "breaking off: breaks off" in texts(flown.outbound())
     flown.set("OP_ENGAGE", 0.0)
     flown.run(0.1)
     assert flown.onboard.settings.values["ESC_START"] == 0.0
@@ -283,34 +283,34 @@ class Firmware:
 PLACE = {"LND_X": -28.0, "LND_Y": 0.0, "LND_LEN": 20.0}
 
 
-def landing_by(firmware: Firmware, said: Reported, by: float, **values: float) -> Any:
+def landing_by(firmware: Firmware, reported: Reported, by: float, **values: float) -> Any:
     settings: Any = Settings(LND_BY=by, **{**PLACE, **values})
-    return FirmwareLanding(firmware, settings, firmware, said)  # type: ignore[arg-type]
+    return FirmwareLanding(firmware, settings, firmware, reported)  # type: ignore[arg-type]
 
 
 def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) -> None:
-    firmware, said = Firmware("ardupilot"), Reported()
-    landing = landing_by(firmware, said, 1.0)
+    firmware, reported = Firmware("ardupilot"), Reported()
+    landing = landing_by(firmware, reported, 1.0)
     landing.tick(output_of(flight, SOARING, 0.5))
     firmware.answers(0.6)
     landing.tick(output_of(flight, BREAKING_OFF, 1.0))
     assert not firmware.mission.is_known  # it is read again: a station may have changed it
     firmware.time_s = 2.0
     landing.tick(output_of(flight, LANDING, 2.0))
-    assert said.sent == []  # until it is known
+    assert reported.sent == []  # until it is known
     firmware.answers(2.1)
     for k in range(100):
         landing.tick(output_of(flight, LANDING, 2.2 + 0.005 * k))
-    assert [message.command for message in said.sent] == [COMMAND_DO_LAND_START]
+    assert [message.command for message in reported.sent] == [COMMAND_DO_LAND_START]
     firmware.time_s, firmware.custom_mode = 3.0, MODE_AUTO
     firmware.mission.take(MissionCurrent(2))  # of before
     landing.tick(output_of(flight, RELEASED, 3.0))
     landing.tick(output_of(flight, RELEASED, 3.1))
-    assert [message.command for message in said.sent[1:]] == [COMMAND_REQUEST_MESSAGE]
-    assert said.words == []
+    assert [message.command for message in reported.sent[1:]] == [COMMAND_REQUEST_MESSAGE]
+    assert reported.words == []
     firmware.mission.take(MissionCurrent(2))
     landing.tick(output_of(flight, RELEASED, 3.2))
-    assert said.words == ["the autopilot lands: item 2 of its mission"]
+    assert reported.words == ["the autopilot lands: item 2 of its mission"]
 
 
 @pytest.mark.parametrize(
@@ -325,8 +325,8 @@ def test_the_landing_of_a_mission_is_read_asked_for_and_checked(flight: Flight) 
 def test_an_arduplane_that_takes_itself_for_not_launched_is_not_asked(
     flight: Flight, name: str, over_home_m: float, asked: bool
 ) -> None:
-    firmware, said = Firmware(name), Reported()
-    landing = landing_by(firmware, said, 1.0)
+    firmware, reported = Firmware(name), Reported()
+    landing = landing_by(firmware, reported, 1.0)
     high = output_of(flight, LANDING, 1.0)
     if over_home_m == over_home_m:
         up_m = HOME.altitude_m + high.vehicle.z_m - over_home_m
@@ -337,23 +337,25 @@ def test_an_arduplane_that_takes_itself_for_not_launched_is_not_asked(
     for k in range(5):
         firmware.time_s = 2.0 + 0.1 * k
         landing.tick(high._replace(time_s=2.0 + 0.1 * k))
-    assert [message.command for message in said.sent] == ([COMMAND_DO_LAND_START] if asked else [])
+    assert [message.command for message in reported.sent] == (
+        [COMMAND_DO_LAND_START] if asked else []
+    )
     words = "its home is 9 m below us, and within 10 m of that it takes itself for not launched"
-    assert said.words == ([] if asked else [f"{words}: we land"])
+    assert reported.words == ([] if asked else [f"{words}: we land"])
 
 
 def handed_over(flight: Flight, time_s: float) -> tuple[Firmware, Reported, Any]:
     """A mission that was asked for in LANDING, and is flown since `time_s`."""
-    firmware, said = Firmware("ardupilot"), Reported()
-    landing = landing_by(firmware, said, 1.0)
+    firmware, reported = Firmware("ardupilot"), Reported()
+    landing = landing_by(firmware, reported, 1.0)
     landing.tick(output_of(flight, LANDING, time_s - 1.0))
     firmware.answers(time_s - 0.9)
     firmware.time_s = time_s - 0.5
     landing.tick(output_of(flight, LANDING, time_s - 0.5))
-    assert [message.command for message in said.sent] == [COMMAND_DO_LAND_START]
+    assert [message.command for message in reported.sent] == [COMMAND_DO_LAND_START]
     firmware.time_s, firmware.custom_mode = time_s, MODE_AUTO
     landing.tick(output_of(flight, RELEASED, time_s))
-    return firmware, said, landing
+    return firmware, reported, landing
 
 
 @pytest.mark.parametrize("since_s", [0.5, 2.9])
@@ -363,34 +365,34 @@ def test_a_conversation_that_begins_anew_after_the_hand_over_is_no_false_alarm(
 ) -> None:
     """The autopilot has restarted, or our clock was set by so much: its mission is not known for
     a while, and no item was told yet."""
-    firmware, said, landing = handed_over(flight, 100.0)
+    firmware, reported, landing = handed_over(flight, 100.0)
     landing.tick(output_of(flight, RELEASED, 100.0 + since_s))
     firmware.mission.restart()
-    anew = 100.0 + since_s + clock_s
+    restart_s = 100.0 + since_s + clock_s
     for k in range(20):
-        landing.tick(output_of(flight, RELEASED, anew + 0.1 * k))
+        landing.tick(output_of(flight, RELEASED, restart_s + 0.1 * k))
     firmware.mission.take(MissionCurrent(2))
-    landing.tick(output_of(flight, RELEASED, anew + 2.5))
-    assert said.words == ["the autopilot lands: item 2 of its mission"]
+    landing.tick(output_of(flight, RELEASED, restart_s + 2.5))
+    assert reported.words == ["the autopilot lands: item 2 of its mission"]
 
 
 def test_one_that_starts_again_and_does_not_land_is_reported_all_the_same(flight: Flight) -> None:
-    firmware, said, landing = handed_over(flight, 100.0)
+    firmware, reported, landing = handed_over(flight, 100.0)
     firmware.mission.restart()
     for k in range(100):
         landing.tick(output_of(flight, RELEASED, 102.0 + 0.1 * k))
-    told = "the autopilot is in its mission at an item that it does not tell, not landing"
-    assert said.words == [f"{told}: take over"]
+    words = "the autopilot is in its mission at an item that it does not tell, not landing"
+    assert reported.words == [f"{words}: take over"]
 
 
 def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Reported()
-    landing = landing_by(firmware, said, 2.0)
+    firmware, reported = Firmware("px4"), Reported()
+    landing = landing_by(firmware, reported, 2.0)
     for now in (5000.0, 1.0):
         firmware.time_s = now
         landing.tick(output_of(flight, LANDING, now))
         firmware.mission.restart()
-    assert [message.command for message in said.sent] == [COMMAND_DO_SET_MODE] * 2
+    assert [message.command for message in reported.sent] == [COMMAND_DO_SET_MODE] * 2
 
 
 def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
@@ -400,8 +402,8 @@ def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
         (len(LANDING_ITEMS), "at item 4"),
         (None, "at an item that it does not tell"),
     ):
-        firmware, said = Firmware("ardupilot"), Reported()
-        landing = landing_by(firmware, said, 1.0)
+        firmware, reported = Firmware("ardupilot"), Reported()
+        landing = landing_by(firmware, reported, 1.0)
         landing.tick(output_of(flight, LANDING, 1.0))
         firmware.answers(1.1)
         firmware.time_s = 2.0
@@ -412,8 +414,10 @@ def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
             firmware.mission.take(MissionCurrent(item))
         for k in range(100):
             landing.tick(output_of(flight, RELEASED, 2.6 + 0.1 * k))
-        assert said.words == [f"the autopilot is in its mission {words}, not landing: take over"]
-        asked = [m for m in said.sent if m.command == COMMAND_REQUEST_MESSAGE]
+        assert reported.words == [
+            f"the autopilot is in its mission {words}, not landing: take over"
+        ]
+        asked = [m for m in reported.sent if m.command == COMMAND_REQUEST_MESSAGE]
         assert 4 <= len(asked) <= 7
 
 
@@ -429,94 +433,94 @@ def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
 def test_a_mission_that_does_not_land_there_is_not_asked_for(
     flight: Flight, items: tuple[tuple[int, float], ...], why: str
 ) -> None:
-    firmware, said = Firmware("ardupilot", items), Reported()
-    landing = landing_by(firmware, said, 1.0)
+    firmware, reported = Firmware("ardupilot", items), Reported()
+    landing = landing_by(firmware, reported, 1.0)
     landing.tick(output_of(flight, READY, 0.5))
     firmware.answers(0.6)
     landing.tick(output_of(flight, READY, 0.7))
-    assert len(said.words) == 1  # on the ground
-    assert why in said.words[0]
-    assert said.words[0].startswith("LND_BY 1: ")
+    assert len(reported.words) == 1  # on the ground
+    assert why in reported.words[0]
+    assert reported.words[0].startswith("LND_BY 1: ")
     landing.tick(output_of(flight, LANDING, 1.0))
     firmware.answers(1.1)
     for k in range(10):
         firmware.time_s = 2.0 + k
         landing.tick(output_of(flight, LANDING, 2.0 + k))
-    assert said.sent == []
-    assert said.words[1:] == [said.words[0].removeprefix("LND_BY 1: ")]
+    assert reported.sent == []
+    assert reported.words[1:] == [reported.words[0].removeprefix("LND_BY 1: ")]
 
 
 def test_a_landing_within_the_strip_and_what_receivers_differ_by_is_the_place(
     flight: Flight,
 ) -> None:
-    for length, place, told in (
+    for length, place, count in (
         (20.0, -28.0, 0),
         (20.0, -47.0, 0),
         (20.0, -49.0, 1),
         (0.0, 0.0, 0),
     ):
-        firmware, said = Firmware("ardupilot"), Reported()
-        landing = landing_by(firmware, said, 1.0, LND_LEN=length, LND_X=place)
+        firmware, reported = Firmware("ardupilot"), Reported()
+        landing = landing_by(firmware, reported, 1.0, LND_LEN=length, LND_X=place)
         landing.tick(output_of(flight, READY, 0.5))
         firmware.answers(0.6)
         landing.tick(output_of(flight, READY, 0.7))
-        assert len(said.words) == told
+        assert len(reported.words) == count
 
 
 def test_a_mission_that_cannot_be_read_is_not_asked_for(flight: Flight) -> None:
-    firmware, said = Firmware("ardupilot"), Reported()
-    landing = landing_by(firmware, said, 1.0)
+    firmware, reported = Firmware("ardupilot"), Reported()
+    landing = landing_by(firmware, reported, 1.0)
     for k in range(60):
         now = 1.0 + 0.1 * k
         firmware.time_s = now
         landing.tick(output_of(flight, LANDING, now))
         firmware.mission.poll(now)
-    assert said.sent == []
-    assert said.words == ["its mission cannot be read: no answer: we land"]
+    assert reported.sent == []
+    assert reported.words == ["its mission cannot be read: no answer: we land"]
 
 
 def test_a_return_that_lands_is_asked_for_and_seen(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Reported()
-    landing = landing_by(firmware, said, 2.0)
+    firmware, reported = Firmware("px4"), Reported()
+    landing = landing_by(firmware, reported, 2.0)
     landing.tick(output_of(flight, BREAKING_OFF, 1.0))
-    assert said.sent == []
+    assert reported.sent == []
     firmware.time_s = 2.0
     for k in range(100):
         landing.tick(output_of(flight, LANDING, 2.0 + 0.005 * k))
-    assert [message.command for message in said.sent] == [COMMAND_DO_SET_MODE]
+    assert [message.command for message in reported.sent] == [COMMAND_DO_SET_MODE]
     firmware.time_s, firmware.custom_mode = 3.0, MODE_RETURN
     landing.tick(output_of(flight, RELEASED, 3.0))
-    assert said.words == ["the autopilot lands"]
+    assert reported.words == ["the autopilot lands"]
 
 
-@pytest.mark.parametrize(("late_s", "told"), [(1.5, True), (2.5, False)])
+@pytest.mark.parametrize(("late_s", "is_reported"), [(1.5, True), (2.5, False)])
 def test_a_mode_that_is_seen_after_the_surfaces_do_not_answer_is_the_landing_asked_for(
-    flight: Flight, late_s: float, told: bool
+    flight: Flight, late_s: float, is_reported: bool
 ) -> None:
     """As of a PX4 by manual control, whose heartbeat comes once a second."""
-    firmware, said = Firmware("px4"), Reported()
-    landing = landing_by(firmware, said, 2.0)
+    firmware, reported = Firmware("px4"), Reported()
+    landing = landing_by(firmware, reported, 2.0)
     firmware.time_s = 2.0
     landing.tick(output_of(flight, LANDING, 2.0))
     for k in range(1, round(10.0 * late_s)):
         landing.tick(output_of(flight, RELEASED, 2.0 + 0.1 * k))
-    assert said.words == []
+    assert reported.words == []
     firmware.time_s, firmware.custom_mode = 2.0 + late_s, MODE_RETURN
     for k in range(3):
         landing.tick(output_of(flight, RELEASED, 2.0 + late_s + 0.1 * k))
-    assert said.words == ["the autopilot lands"] * told
+    assert reported.words == ["the autopilot lands"] * is_reported
 
 
 def test_a_firmware_that_does_not_land_leaves_it_to_us(flight: Flight) -> None:
-    firmware, said = Firmware("px4"), Reported()
-    landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]
+    firmware, reported = Firmware("px4"), Reported()
+    landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, reported)  # type: ignore[arg-type]
     for k in range(10):
         firmware.time_s = float(k + 1)
         landing.tick(output_of(flight, LANDING, float(k + 1)))
-    assert len(said.sent) == TRIES
-    assert said.words == [f"the autopilot does not land ({TRIES} times asked): we do"]
+    assert len(reported.sent) == TRIES
+    assert reported.words == [f"the autopilot does not land ({TRIES} times asked): we do"]
     landing.tick(output_of(flight, RELEASED, 20.0))
-    assert len(said.words) == 1  # on the ground, in its old mode
+    assert len(reported.words) == 1  # on the ground, in its old mode
 
 
 def test_a_firmware_whose_landing_is_not_known_is_refused() -> None:
@@ -531,25 +535,25 @@ def test_a_firmware_whose_landing_is_not_known_is_refused() -> None:
 
 def test_a_return_that_does_not_land_is_not_asked_for(flight: Flight) -> None:
     """Not by a value from a file either."""
-    firmware, said = Firmware("ardupilot"), Reported()
-    landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, said)  # type: ignore[arg-type]
+    firmware, reported = Firmware("ardupilot"), Reported()
+    landing: Any = FirmwareLanding(firmware, Settings(LND_BY=2.0), firmware, reported)  # type: ignore[arg-type]
     landing.tick(output_of(flight, READY, 0.5))
     for k in range(10):
         firmware.time_s = float(k + 1)
         landing.tick(output_of(flight, LANDING, float(k + 1)))
-    assert said.sent == []
-    told = "LND_BY 2: the return of ardupilot does not land, unless RTL_AUTOLAND says so: we land"
-    assert said.words == [told, told]  # when it was read from the file, and on the way home
+    assert reported.sent == []
+    words = "LND_BY 2: the return of ardupilot does not land, unless RTL_AUTOLAND says so: we land"
+    assert reported.words == [words, words]  # when it was read from the file, and on the way home
 
 
 def test_an_operator_who_takes_the_landing_back_is_told_of_no_other(flight: Flight) -> None:
-    firmware, said, settings = Firmware("px4"), Reported(), Settings(LND_BY=1.0)
-    landing: Any = FirmwareLanding(firmware, settings, firmware, said)  # type: ignore[arg-type]
+    firmware, reported, settings = Firmware("px4"), Reported(), Settings(LND_BY=1.0)
+    landing: Any = FirmwareLanding(firmware, settings, firmware, reported)  # type: ignore[arg-type]
     firmware.time_s, firmware.custom_mode = 1.0, MODE_RETURN
     landing.tick(output_of(flight, LANDING, 1.0))
     settings.values["LND_BY"] = 0.0
     landing.tick(output_of(flight, LANDING, 1.1))
-    assert said.words == []
+    assert reported.words == []
 
 
 def in_wind(flight: Flight, mode: int, time_s: float, along: float, across: float = 0.0) -> Output:
@@ -568,12 +572,12 @@ class WayHome:
     the frame: the wind blows from the west, so that of the aircraft, [8, 0], is [0, 8] in NED."""
 
     def __init__(self, flight: Flight, by: float = 2.0) -> None:
-        self.flight, self.firmware, self.said = flight, Firmware("px4"), Reported()
+        self.flight, self.firmware, self.reported = flight, Firmware("px4"), Reported()
         ledger = Ledger(SessionCounters(), [], self.firmware.streams)
         self.firmware.wind = AutopilotWind(Px4.sensors.wind, ledger)
         self.settings: Any = Settings(LND_BY=by, **PLACE)
         firmware: Any = self.firmware
-        self.landing = FirmwareLanding(firmware, self.settings, firmware, self.said)  # type: ignore[arg-type]
+        self.landing = FirmwareLanding(firmware, self.settings, firmware, self.reported)  # type: ignore[arg-type]
         self.now_s = 0.0
 
     def flies(
@@ -592,7 +596,7 @@ class WayHome:
             if theirs is not None:
                 self.firmware.wind.take(cov(*theirs), self.now_s)
             self.landing.tick(in_wind(self.flight, mode, self.now_s, along, across))
-        return self.said.sent
+        return self.reported.sent
 
 
 @pytest.mark.parametrize(
@@ -620,7 +624,7 @@ def test_an_autopilot_with_a_wind_from_the_wrong_side_does_not_get_to_land(
     home.flies(BREAKING_OFF, (north, east), along, seconds=2)
     assert (home.flies(LANDING, (north, east), along, seconds=3) == []) is refused
     if refused:
-        assert home.said.words == [f"its wind is {-east:.0f} m/s from the wrong side: we land"]
+        assert home.reported.words == [f"its wind is {-east:.0f} m/s from the wrong side: we land"]
         assert home.flies(LANDING, (0.0, 8.0), along, seconds=3) == []  # the approach has begun
 
 
@@ -666,7 +670,7 @@ def test_it_is_not_asked_a_second_time_once_its_wind_is_seen_to_be_wrong(flight:
     home.flies(READY, (0.0, 8.0), seconds=5)
     assert len(home.flies(LANDING, (0.0, 8.0))) == 1
     assert len(home.flies(LANDING, (0.0, -8.0), seconds=6)) == 1
-    assert home.said.words == ["its wind is 8 m/s from the wrong side: we land"]
+    assert home.reported.words == ["its wind is 8 m/s from the wrong side: we land"]
 
 
 def test_the_next_way_home_is_judged_anew(flight: Flight) -> None:
@@ -681,21 +685,21 @@ def test_the_next_way_home_is_judged_anew(flight: Flight) -> None:
 def test_a_wrong_wind_is_reported_while_there_is_time(flight: Flight, mode: int) -> None:
     home = WayHome(flight)
     home.flies(mode, (0.0, 8.0))
-    assert home.said.words == []
+    assert home.reported.words == []
     home.flies(mode, (0.0, -8.0), seconds=3)
-    told = "of the autopilot: its wind is 8 m/s from the wrong side; its own modes fly downwind"
-    assert home.said.words == [told]
+    words = "of the autopilot: its wind is 8 m/s from the wrong side; its own modes fly downwind"
+    assert home.reported.words == [words]
     home.flies(READY, (0.0, -8.0))
-    assert home.said.words == [told]
+    assert home.reported.words == [words]
     home.flies(mode, (0.0, -8.0), seconds=2)  # the next flight
-    assert home.said.words == [told, told]
+    assert home.reported.words == [words, words]
 
 
 def test_who_does_not_land_by_it_asks_for_no_wind(flight: Flight) -> None:
     home = WayHome(flight, 0.0)
     home.flies(SOARING, (0.0, -8.0), seconds=3)
     assert home.firmware.streams.wanted(231) is None
-    assert home.said.words == []
+    assert home.reported.words == []
 
 
 def test_a_wind_that_cannot_be_ends_no_flight() -> None:

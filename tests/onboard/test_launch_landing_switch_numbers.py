@@ -21,7 +21,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.values = {"LNC_START": 0.0, "ESC_START": 0.0, "BEAT_START": 0.0}
-        self.said: list[tuple[int, str]] = []
+        self.texts: list[tuple[int, str]] = []
         self.now_s = 100.0
         self.switch = Switch(self, self)
 
@@ -29,7 +29,7 @@ class Bench:
         self.values[name] = value
 
     def tell(self, severity: int, text: str) -> None:
-        self.said.append((severity, text))
+        self.texts.append((severity, text))
 
     def tick(
         self,
@@ -113,7 +113,7 @@ def test_a_launch_is_asked_for_until_it_is_over(
     bench.tick(then)
     started = {"LNC_START": launch, "ESC_START": home, "BEAT_START": 0.0}
     assert bench.values == started
-    assert bench.said == []
+    assert bench.texts == []
 
 
 def test_before_and_without_a_launch_it_stays_as_it_is_set(bench: Bench) -> None:
@@ -164,7 +164,7 @@ def test_a_launch_that_nobody_engages_within_a_minute_is_none(
     bench.tick(modes.READY, waits_s - 0.05)
     assert (bench.values["LNC_START"] == 0.0) == over
     words = (SEVERITY_WARNING, "LNC_START is 0 again: nothing was engaged within 60 s")
-    assert bench.said == ([words] if over else [])
+    assert bench.texts == ([words] if over else [])
 
 
 def test_the_minute_begins_with_the_end_of_control_and_with_another_clock(bench: Bench) -> None:
@@ -213,43 +213,43 @@ def test_the_second_begins_anew_with_another_clock(bench: Bench) -> None:
 # --- the height that is left --------------------------------------------------------------------
 
 
-def told(bench: Bench, *lefts_m: float, mode: int = modes.SOARING) -> list[str]:
-    bench.said.clear()
+def reported(bench: Bench, *lefts_m: float, mode: int = modes.SOARING) -> list[str]:
+    bench.texts.clear()
     for left_m in lefts_m:
         bench.tick(mode, left=(left_m, nan))
-    return [text.removeprefix("height left for the landing: ") for _, text in bench.said]
+    return [text.removeprefix("height left for the landing: ") for _, text in bench.texts]
 
 
 def test_the_height_left_is_said_at_5_2_and_0_m(bench: Bench) -> None:
-    assert told(bench, 9.0, 5.1, 4.9, 3.0, 2.1, 1.9, 0.1, -0.1, -3.0) == [
+    assert reported(bench, 9.0, 5.1, 4.9, 3.0, 2.1, 1.9, 0.1, -0.1, -3.0) == [
         "4.9 m", "1.9 m", "-0.1 m"
     ]  # fmt: skip
-    assert bench.said[-1][0] == SEVERITY_WARNING
-    assert {severity for severity, _ in bench.said[:-1]} == {SEVERITY_NOTICE}
+    assert bench.texts[-1][0] == SEVERITY_WARNING
+    assert {severity for severity, _ in bench.texts[:-1]} == {SEVERITY_NOTICE}
 
 
 def test_what_falls_through_several_at_once_is_said_once(bench: Bench) -> None:
-    assert told(bench, 9.0, 0.0) == ["0.0 m"]
-    assert bench.said[0][0] == SEVERITY_WARNING
-    assert told(bench, -1.0) == []
+    assert reported(bench, 9.0, 0.0) == ["0.0 m"]
+    assert bench.texts[0][0] == SEVERITY_WARNING
+    assert reported(bench, -1.0) == []
 
 
 def test_it_is_said_again_after_there_were_two_metres_more(bench: Bench) -> None:
-    assert told(bench, 4.9, 6.9, 4.9) == ["4.9 m"]
-    assert told(bench, 7.1, 4.9) == ["4.9 m"]
-    assert told(bench, 1.9, 3.9, 1.9) == ["1.9 m"]
-    assert told(bench, 4.1, 1.9) == ["1.9 m"]
-    assert told(bench, 9.0, 1.9) == ["1.9 m"]
-    assert told(bench, 9.0, 4.0, 1.9) == ["4.0 m", "1.9 m"]
+    assert reported(bench, 4.9, 6.9, 4.9) == ["4.9 m"]
+    assert reported(bench, 7.1, 4.9) == ["4.9 m"]
+    assert reported(bench, 1.9, 3.9, 1.9) == ["1.9 m"]
+    assert reported(bench, 4.1, 1.9) == ["1.9 m"]
+    assert reported(bench, 9.0, 1.9) == ["1.9 m"]
+    assert reported(bench, 9.0, 4.0, 1.9) == ["4.0 m", "1.9 m"]
 
 
 def test_on_the_way_home_and_on_the_ground_nobody_is_told(bench: Bench) -> None:
-    assert told(bench, 4.0, mode=modes.LANDING) == []
-    assert told(bench, 4.0, mode=modes.READY) == []
-    assert told(bench, nan, inf) == []
-    assert told(bench, 4.0) == ["4.0 m"]
+    assert reported(bench, 4.0, mode=modes.LANDING) == []
+    assert reported(bench, 4.0, mode=modes.READY) == []
+    assert reported(bench, nan, inf) == []
+    assert reported(bench, 4.0) == ["4.0 m"]
     bench.tick(modes.READY)  # another flight
-    assert told(bench, 4.0) == ["4.0 m"]
+    assert reported(bench, 4.0) == ["4.0 m"]
 
 
 @pytest.mark.parametrize(
@@ -258,4 +258,4 @@ def test_on_the_way_home_and_on_the_ground_nobody_is_told(bench: Bench) -> None:
 )
 def test_the_time_left_is_said_in_minutes(bench: Bench, time_s: float, words: str) -> None:
     bench.tick(modes.SOARING, left=(3.14, time_s))
-    assert bench.said == [(SEVERITY_NOTICE, f"height left for the landing: 3.1 m{words}")]
+    assert bench.texts == [(SEVERITY_NOTICE, f"height left for the landing: 3.1 m{words}")]

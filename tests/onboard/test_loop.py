@@ -462,7 +462,7 @@ def test_each_heartbeat_buys_silence_from_complaints(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("timeout_s", "heard", "after_s", "in_order"),
+    ("timeout_s", "is_received", "after_s", "in_order"),
     [
         (3.0, False, 2.9, True),
         (3.0, False, 3.1, False),
@@ -471,9 +471,9 @@ def test_each_heartbeat_buys_silence_from_complaints(scene: Scene) -> None:
     ],
 )
 def test_told_for_how_long_the_loop_gives_up_waiting_for_an_autopilot(
-    scene: Scene, timeout_s: float | None, heard: bool, after_s: float, in_order: bool
+    scene: Scene, timeout_s: float | None, is_received: bool, after_s: float, in_order: bool
 ) -> None:
-    scene.onboard.session.has_heartbeat = heard
+    scene.onboard.session.has_heartbeat = is_received
     rounds = at(after_s, after_s)
     assert scene.run(rounds, timeout_s=timeout_s) is in_order
     assert scene.words == (

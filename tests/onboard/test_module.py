@@ -145,7 +145,7 @@ class Flight:
         self._due[what] += 1.0 / rate_hz
         return True
 
-    def said(self, kind: str | None = None) -> list[Any]:
+    def outbound(self, kind: str | None = None) -> list[Any]:
         """What has been said since the last call."""
         frames, self._sent = self.frames[self._sent :], len(self.frames)
         messages = [mavlink.MAVLink(None).decode(bytearray(f)) for f in frames]
@@ -187,11 +187,11 @@ def test_ticks_come_at_exactly_the_rate_that_is_claimed(rate_hz: float, attitude
 
 def test_every_loop_runs_at_its_own_rate(flight: Flight) -> None:
     flight.engaged().run(1.0)
-    flight.said()
+    flight.outbound()
     flight.run(10.0)
     count: dict[tuple[str, int], int] = {}
     names: dict[str, int] = {}
-    for m in flight.said():
+    for m in flight.outbound():
         key = (m.get_type(), m.get_srcSystem())
         count[key] = count.get(key, 0) + 1
         if m.get_type() == "NAMED_VALUE_FLOAT":
@@ -239,7 +239,7 @@ def test_the_heartbeat_tells_the_mode_at_once(flight: Flight) -> None:
     flight.run(0.05)
     flight.attitude_hz = 0.0
     flight.run(0.5)
-    reported = [(m.custom_mode & 0xFF, m.system_status) for m in flight.said("HEARTBEAT")]
+    reported = [(m.custom_mode & 0xFF, m.system_status) for m in flight.outbound("HEARTBEAT")]
     assert (CAPTURING, mavlink.MAV_STATE_ACTIVE) in reported
     assert (RELEASED, mavlink.MAV_STATE_CRITICAL) in reported
     assert reported[-1] == (flight.mode_now, mavlink.MAV_STATE_STANDBY)
@@ -254,7 +254,7 @@ def test_the_heartbeat_is_the_first_thing_said(flight: Flight) -> None:
     assert flight.frames == []
     flight.takes = True
     flight.set("TGL_X", 1.0)
-    first = flight.said()
+    first = flight.outbound()
     assert [m.get_type() for m in first[:2]] == ["HEARTBEAT", "PARAM_VALUE"]
     assert (first[0].get_srcSystem(), first[0].get_srcComponent()) == (1, 191)
     assert (first[0].type, first[0].autopilot) == (18, 8)
@@ -263,16 +263,16 @@ def test_the_heartbeat_is_the_first_thing_said(flight: Flight) -> None:
 def test_the_streams_are_asked_for(flight: Flight) -> None:
     flight.attitude_hz = flight.position_hz = 0.0
     flight.run(3.0)
-    asked = {(m.param1, m.param2) for m in flight.said("COMMAND_LONG")}
+    asked = {(m.param1, m.param2) for m in flight.outbound("COMMAND_LONG")}
     assert {(31.0, 5000.0), (32.0, 20000.0), (36.0, 20000.0), (27.0, 5000.0)} <= asked
 
 
 def test_a_new_peer_is_greeted_before_anything_else(flight: Flight) -> None:
     flight.run(1.5)
-    flight.said()
+    flight.outbound()
     flight.onboard.relinked()
     flight.set("TGL_X", 1.0)
-    assert [m.get_type() for m in flight.said()[:2]] == ["HEARTBEAT", "PARAM_VALUE"]
+    assert [m.get_type() for m in flight.outbound()[:2]] == ["HEARTBEAT", "PARAM_VALUE"]
 
 
 # --- surfaces ---------------------------------------------------------------------------------
@@ -280,14 +280,14 @@ def test_a_new_peer_is_greeted_before_anything_else(flight: Flight) -> None:
 
 def test_no_surface_moves_before_it_is_engaged(flight: Flight) -> None:
     flight.run(3.0)
-    assert flight.said("RC_CHANNELS_OVERRIDE") == []
+    assert flight.outbound("RC_CHANNELS_OVERRIDE") == []
 
 
 def test_overrides_go_out_as_their_own_sender_with_their_own_count(flight: Flight) -> None:
     flight.engaged().run(1.0)
-    said = flight.said()
-    overrides = [m for m in said if m.get_type() == "RC_CHANNELS_OVERRIDE"]
-    others = [m for m in said if m.get_type() != "RC_CHANNELS_OVERRIDE"]
+    sent = flight.outbound()
+    overrides = [m for m in sent if m.get_type() == "RC_CHANNELS_OVERRIDE"]
+    others = [m for m in sent if m.get_type() != "RC_CHANNELS_OVERRIDE"]
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in overrides} == {(255, 191)}
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in others} == {(1, 191)}
     for messages in (overrides, others):
@@ -314,11 +314,11 @@ def test_letting_go_releases_the_channels_and_is_silent(flight: Flight) -> None:
     flight.engaged()
     flight.set("OP_ENGAGE", 0.0)
     flight.run(2.0)
-    said = flight.said()
-    assert_released(said)
-    assert texts(said)[-2:] == ["standby: operator disengaged", "ready: can be engaged"]
+    sent = flight.outbound()
+    assert_released(sent)
+    assert texts(sent)[-2:] == ["standby: operator disengaged", "ready: can be engaged"]
     flight.run(2.0)
-    assert flight.said("RC_CHANNELS_OVERRIDE") == []
+    assert flight.outbound("RC_CHANNELS_OVERRIDE") == []
 
 
 def test_engaging_again_during_the_release_takes_the_surfaces_again(flight: Flight) -> None:
@@ -327,17 +327,17 @@ def test_engaging_again_during_the_release_takes_the_surfaces_again(flight: Flig
     flight.run(0.05)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.02)
-    flight.said()
+    flight.outbound()
     flight.run(1.0)
-    assert all(m.chan2_raw != 0 for m in flight.said("RC_CHANNELS_OVERRIDE"))
+    assert all(m.chan2_raw != 0 for m in flight.outbound("RC_CHANNELS_OVERRIDE"))
 
 
 def test_stopping_gives_the_surfaces_back(flight: Flight) -> None:
     flight.engaged()
     flight.onboard.stop()
-    said = flight.said()
-    assert_released(said)
-    assert texts(said)[-1] == "tgl_soar stopped"
+    sent = flight.outbound()
+    assert_released(sent)
+    assert texts(sent)[-1] == "tgl_soar stopped"
 
 
 # --- faults -----------------------------------------------------------------------------------
@@ -381,14 +381,14 @@ FAULTS = [
 def test_a_fault_disengages_and_turns_the_switch_back(
     flight: Flight, fault: Any, reason: str, within_s: float
 ) -> None:
-    flight.engaged().said()
+    flight.engaged().outbound()
     fault(flight)
     flight.run(within_s + 1.0)
-    said = flight.said()
-    assert_released(said)
-    switch = [m for m in said if m.get_type() == "PARAM_VALUE" and m.param_id == "OP_ENGAGE"]
+    sent = flight.outbound()
+    assert_released(sent)
+    switch = [m for m in sent if m.get_type() == "PARAM_VALUE" and m.param_id == "OP_ENGAGE"]
     assert [m.param_value for m in switch if m.param_value != 2.0] == [0.0]  # 2: it had engaged
-    assert any(text == f"released: {reason}" for text in texts(said))
+    assert any(text == f"released: {reason}" for text in texts(sent))
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
     assert flight.mode_now in (STANDBY, READY)  # what is missing is missing still
 
@@ -406,24 +406,24 @@ def test_a_short_gap_in_the_position_is_flown_through(flight: Flight) -> None:
 def test_a_refused_engagement_turns_the_switch_back_too(flight: Flight) -> None:
     flight.mode = 10
     flight.run(1.0)
-    flight.said()
+    flight.outbound()
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)
-    said = flight.said()
-    assert "released: autopilot not in the mode that obeys" in texts(said)
+    sent = flight.outbound()
+    assert "released: autopilot not in the mode that obeys" in texts(sent)
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
-    assert [m for m in said if m.get_type() == "RC_CHANNELS_OVERRIDE"] == []
+    assert [m for m in sent if m.get_type() == "RC_CHANNELS_OVERRIDE"] == []
 
 
 def test_an_autopilot_that_restarts_in_flight_is_released_and_waits_to_be_asked(
     flight: Flight,
 ) -> None:
-    flight.engaged().said()
+    flight.engaged().outbound()
     flight.boot_s = flight.now_s
     flight.run(5.0)
-    said = flight.said()
-    assert "released: autopilot has restarted" in texts(said)
-    asked = {m.param1 for m in said if m.get_type() == "COMMAND_LONG" and m.command == 511}
+    sent = flight.outbound()
+    assert "released: autopilot has restarted" in texts(sent)
+    asked = {m.param1 for m in sent if m.get_type() == "COMMAND_LONG" and m.command == 511}
     assert {31.0, 32.0} <= asked  # the streams, attitude and position among them, once more
     assert flight.mode_now == READY
     assert flight.onboard.session.counters.reboots == 1
@@ -435,7 +435,7 @@ def test_whatever_arrives_commands_stay_inside_the_channels(
     garbage: list[bytes], chance: random.Random
 ) -> None:
     flight = Flight().engaged()
-    flight.said()
+    flight.outbound()
     for junk in garbage:
         flight.onboard.event(junk, flight.now_s)
         numbers = [chance.choice([nan, 0.0, 1.0, 1e38, -1e38]) for _ in range(7)]
@@ -443,7 +443,7 @@ def test_whatever_arrives_commands_stay_inside_the_channels(
         flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, *numbers))
         flight.hear(mavlink.MAVLink_local_position_ned_message(stamp, *numbers[:6]))
         flight.run(0.02)
-    for m in flight.said("RC_CHANNELS_OVERRIDE"):
+    for m in flight.outbound("RC_CHANNELS_OVERRIDE"):
         for pulse in (m.chan1_raw, m.chan2_raw, m.chan4_raw):
             assert pulse == 0 or 1100 <= pulse <= 1900
     assert flight.onboard.counters.unsendable == 0
@@ -476,12 +476,12 @@ def test_a_refused_set_leaves_the_laws_alone(flight: Flight) -> None:
     flight.run(0.5)
     flight.set("TGL_X", nan)
     assert flight.onboard.counters.laws_changed == 0
-    said = flight.said()
+    sent = flight.outbound()
     answer = ["PARAM_VALUE", "PARAM_ERROR", "STATUSTEXT"]
-    assert [m.get_type() for m in said[-3:]] == answer
-    assert said[-2].error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
-    assert said[-2].param_id == "TGL_X"
-    assert "not finite" in said[-1].text
+    assert [m.get_type() for m in sent[-3:]] == answer
+    assert sent[-2].error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+    assert sent[-2].param_id == "TGL_X"
+    assert "not finite" in sent[-1].text
 
 
 def test_what_is_reported_to_the_operator_is_reported_on_the_console(flight: Flight) -> None:
@@ -522,14 +522,14 @@ def test_in_lockstep_each_new_attitude_is_one_tick_and_nothing_else_is() -> None
 def test_in_lockstep_the_answer_to_timesync_comes_after_the_tick_s_frames() -> None:
     flight = Flight(lockstep=True)
     for i in simulator(flight, 400):
-        said = flight.said()
+        sent = flight.outbound()
         if i == 200:
             flight.set("OP_ENGAGE", 1.0)
-        assert said[-1].get_type() == "TIMESYNC"
-        assert said[-1].ts1 == 1_000_000_000 + i * 5_000_000
-        assert said[-1].tc1 != 0
+        assert sent[-1].get_type() == "TIMESYNC"
+        assert sent[-1].ts1 == 1_000_000_000 + i * 5_000_000
+        assert sent[-1].tc1 != 0
         if i > 201:
-            assert "RC_CHANNELS_OVERRIDE" in [m.get_type() for m in said]
+            assert "RC_CHANNELS_OVERRIDE" in [m.get_type() for m in sent]
 
 
 def test_in_lockstep_the_wall_clock_leaves_no_trace() -> None:
@@ -541,7 +541,7 @@ def test_in_lockstep_the_wall_clock_leaves_no_trace() -> None:
         for _ in range(idle):
             flight.now_s += 0.05
             flight.onboard.idle(flight.now_s)
-        assert {m.get_type() for m in flight.said()} == {"HEARTBEAT"}
+        assert {m.get_type() for m in flight.outbound()} == {"HEARTBEAT"}
         del flight.frames[:]
         for i in simulator(flight, 1200):
             flight.now_s += slow
@@ -575,11 +575,11 @@ def test_in_lockstep_a_simulator_that_begins_again_finds_the_module_in_standby()
 
 def station_beats(flight: Flight, seconds: float) -> list[Any]:
     """A ground station's heartbeats, and what the module says meanwhile."""
-    flight.said()
+    flight.outbound()
     for _ in range(round(seconds)):
         flight.hear(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), station=True)
         flight.run(1.0)
-    return flight.said()
+    return flight.outbound()
 
 
 def test_a_station_that_was_away_hears_how_it_stands(flight: Flight) -> None:
@@ -587,18 +587,18 @@ def test_a_station_that_was_away_hears_how_it_stands(flight: Flight) -> None:
     flight.engaged()
     flight.run(1.5)
     flight.run(ABSENT_S)
-    said = station_beats(flight, 1.0)
-    shown = [m.param_value for m in said if m.get_type() == "PARAM_VALUE"]
+    sent = station_beats(flight, 1.0)
+    shown = [m.param_value for m in sent if m.get_type() == "PARAM_VALUE"]
     assert shown == [2.0]
-    assert "soaring" in texts(said) or "capturing" in texts(said)
+    assert "soaring" in texts(sent) or "capturing" in texts(sent)
     # And one that was not away, or is nobody's, hears nothing of it.
     assert not [m for m in station_beats(flight, 3.0) if m.get_type() == "PARAM_VALUE"]
 
 
 def test_what_is_wrong_with_a_stream_is_reported_with_the_mode(flight: Flight) -> None:
-    flight.engaged().said()
+    flight.engaged().outbound()
     flight.north_m = 300.0
     flight.run(1.0)
-    said = texts(flight.said())
-    where = said.index("released: e_rho beyond CAPTURE_MAX")
-    assert said[where + 1] == "position jumps"
+    sent = texts(flight.outbound())
+    where = sent.index("released: e_rho beyond CAPTURE_MAX")
+    assert sent[where + 1] == "position jumps"

@@ -105,10 +105,10 @@ def test_a_clock_that_jumps_disengages_and_is_forgotten(
     flight.boot_s -= jump_s
     flight.boot_s = min(flight.boot_s, flight.now_s)  # no stamp is below zero
     flight.run(for_s)
-    said = texts(flight.said())
+    reported = texts(flight.outbound())
     ended = ("released: attitude lost", "released: autopilot has restarted")
-    assert any(text in ended for text in said)
-    assert any("clock is another one" in text or "restarted" in text for text in said)
+    assert any(text in ended for text in reported)
+    assert any("clock is another one" in text or "restarted" in text for text in reported)
     flight.boot_s = flight.now_s - 910.0  # the stamps are good again
     flight.run(SOON_S)
     assert flight.mode_now == READY
@@ -119,22 +119,22 @@ def test_a_clock_that_jumps_disengages_and_is_forgotten(
 
 @pytest.mark.parametrize("ahead_s", [-400.0, -20.0, 0.5, 400.0])
 def test_a_duplicate_is_not_flown_with(flight: Flight, ahead_s: float) -> None:
-    flight.said()
+    flight.outbound()
     duplicate(flight, 0.5, ahead_s)
     assert flight.mode_now in ENGAGED
     output = flight.onboard.output
     assert output is not None
     assert abs(output.vehicle.roll_rad) < 0.01
     duplicate(flight, 2.0, ahead_s)
-    said = texts(flight.said())
-    assert any("another clock" in text for text in said)
-    assert any("two autopilots are 1:1" in text for text in said)
-    assert "released: attitude lost" in said
+    reported = texts(flight.outbound())
+    assert any("another clock" in text for text in reported)
+    assert any("two autopilots are 1:1" in text for text in reported)
+    assert "released: attitude lost" in reported
     flight.set("OP_ENGAGE", 1.0)
     duplicate(flight, 1.0, ahead_s)
     assert flight.mode_now == STANDBY  # refused while it lasts
     flight.run(SOON_S)
-    assert any("only one autopilot sends" in text for text in texts(flight.said()))
+    assert any("only one autopilot sends" in text for text in texts(flight.outbound()))
     assert flight.mode_now == READY
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)

@@ -103,16 +103,16 @@ def vision(time_s: float) -> Any:
 
 @pytest.mark.interpreted
 def test_a_tick_is_given_all_that_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    bench, seen = Bench(setup_of(tmp_path)), []
+    bench, given = Bench(setup_of(tmp_path)), []
     step = autopilot.step
 
     def spied(laws: Any, state: Any, inputs: Inputs) -> Any:
-        seen.append(inputs)
+        given.append(inputs)
         return step(laws, state, inputs)
 
     monkeypatch.setattr(autopilot, "step", spied)
     bench.runs(0.5)
-    last = seen[-1]
+    last = given[-1]
     assert min(last.position.sequence, last.attitude.sequence, last.imu.sequence) > 90
     assert last.imu.force_z_frd_mps2 == pytest.approx(-9.80665)
     assert last.airspeed.airspeed_mps == pytest.approx(8.5)
@@ -128,11 +128,11 @@ def test_the_tracker_s_attitude_is_flown_with_where_the_site_asks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool
 ) -> None:
     table = HALL_TABLE + ("attitude = true\n" if asked else "")
-    bench, seen = Bench(setup_of(tmp_path, table)), []
+    bench, given = Bench(setup_of(tmp_path, table)), []
     step = autopilot.step
 
     def spied(laws: Any, state: Any, inputs: Inputs) -> Any:
-        seen.append(inputs.attitude)
+        given.append(inputs.attitude)
         return step(laws, state, inputs)
 
     class Client:
@@ -159,9 +159,9 @@ def test_the_tracker_s_attitude_is_flown_with_where_the_site_asks(
     for _ in range(500):
         bench.runs(0.005)
         bench.onboard.positions.pose(b"", ("", 0), bench.now_s)
-    flown = seen[-1].qz
+    flown = given[-1].qz
     assert flown == pytest.approx(sin(0.1) if asked else 0.0)
-    assert all(a.sequence <= b.sequence for a, b in pairwise(seen))
+    assert all(a.sequence <= b.sequence for a, b in pairwise(given))
     words = b"".join(bench.frames)
     assert (b"attitude: the tracker's" in words) is asked
 

@@ -113,8 +113,8 @@ def test_slips_are_refused_and_the_flight_goes_on_where_it_was() -> None:
         before = flight.onboard.parameters.values[name]
         assert flight.set(name, slip) == before
         flight.run(0.1)
-        said = f"{name} = {slip:g}: the line's point is {why}; OP_FORCE 1 overrides once"
-        assert flight.texts[-1] == said
+        refusal = f"{name} = {slip:g}: the line's point is {why}; OP_FORCE 1 overrides once"
+        assert flight.texts[-1] == refusal
     for name, value in BOUNDS:
         before = flight.onboard.parameters.values[name]
         assert flight.set(name, value) == before

@@ -27,7 +27,7 @@ KEY = bytes(range(1, 33))
 def flight() -> Flight:
     made = Flight()
     made.run(1.0)
-    made.said()
+    made.outbound()
     return made
 
 
@@ -62,26 +62,26 @@ def test_a_staged_move_that_is_left_is_dropped_and_reported(
     flight.set("TGL_Z", 5000.0)  # refused: nothing is staged by it
     flight.run(0.4)
     assert values.values["TGL_STAGE"] == 1.0
-    flight.said()
+    flight.outbound()
     flight.run(0.2)
     assert values.values["TGL_STAGE"] == 2.0
-    said = flight.said()
-    shown = {m.param_id: m.param_value for m in said if m.get_type() == "PARAM_VALUE"}
+    messages = flight.outbound()
+    shown = {m.param_id: m.param_value for m in messages if m.get_type() == "PARAM_VALUE"}
     assert shown == {"TGL_STAGE": 2.0, "TGL_X": there}
-    assert "".join(texts(said)) == "staged move dropped: nothing was staged for 2 s"
+    assert "".join(texts(messages)) == "staged move dropped: nothing was staged for 2 s"
     # Its link is back, and it goes on with the second half: that is no move by itself.
     line = values.values["TGL_X"], values.values["TGL_Z"]
     flight.set("TGL_Z", line[1] + 0.1)
-    assert "a staged move was dropped: set TGL_STAGE to 1" in "".join(texts(flight.said()))
+    assert "a staged move was dropped: set TGL_STAGE to 1" in "".join(texts(flight.outbound()))
     flight.set("TGL_STAGE", 0.0)
     flight.set("TGL_X", line[0] + 0.1)
     assert (values.values["TGL_X"], values.values["TGL_Z"]) == line
     flight.set("TGL_STAGE", 2.0)
     flight.set("TGL_X", 2.0)
     assert (values.values["TGL_STAGE"], values.values["TGL_X"]) == (2.0, 2.0)
-    flight.said()
+    flight.outbound()
     flight.run(3.0)
-    assert "staged move" not in "".join(texts(flight.said()))  # once
+    assert "staged move" not in "".join(texts(flight.outbound()))  # once
 
 
 @pytest.mark.interpreted
@@ -103,23 +103,23 @@ def test_in_lockstep_a_staged_move_is_left_by_the_clock_that_begins_again(
 def test_engage_and_release_by_command(flight: Flight) -> None:
     order(flight, ENGAGE)
     flight.run(0.05)
-    said = flight.said()
-    assert acks(said) == [(ENGAGE, IN_PROGRESS)]
+    messages = flight.outbound()
+    assert acks(messages) == [(ENGAGE, IN_PROGRESS)]
     assert flight.mode_now == CAPTURING
-    assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [1.0]
+    assert [m.param_value for m in messages if m.get_type() == "PARAM_VALUE"] == [1.0]
     flight.run(4.0)
     assert flight.mode_now == SOARING
-    results = acks(flight.said())
+    results = acks(flight.outbound())
     assert results[-1] == (ENGAGE, ACCEPTED)
     assert set(results[:-1]) <= {(ENGAGE, IN_PROGRESS)}
     order(flight, ENGAGE)
-    assert acks(flight.said()) == [(ENGAGE, ACCEPTED)]  # it flies already
+    assert acks(flight.outbound()) == [(ENGAGE, ACCEPTED)]  # it flies already
     order(flight, RELEASE)
     flight.run(0.05)
-    said = flight.said()
-    assert acks(said) == [(RELEASE, ACCEPTED)]
+    messages = flight.outbound()
+    assert acks(messages) == [(RELEASE, ACCEPTED)]
     assert flight.mode_now == READY
-    assert "standby: operator disengaged" in texts(said)
+    assert "standby: operator disengaged" in texts(messages)
 
 
 def test_engaged_it_shows_1_for_a_second_and_then_what_a_file_may_hold(
@@ -129,22 +129,22 @@ def test_engaged_it_shows_1_for_a_second_and_then_what_a_file_may_hold(
     order(flight, ENGAGE)
     flight.run(0.9)
     assert flight.onboard.settings.values["OP_ENGAGE"] == 1.0
-    flight.said()
+    flight.outbound()
     flight.run(0.2)
     assert flight.onboard.settings.values["OP_ENGAGE"] == 2.0
-    shown = [m.param_value for m in flight.said() if m.get_type() == "PARAM_VALUE"]
+    shown = [m.param_value for m in flight.outbound() if m.get_type() == "PARAM_VALUE"]
     assert shown == [2.0]
 
 
 def test_an_entry_check_that_refuses_is_a_rejection_with_its_reason(flight: Flight) -> None:
     flight.mode = 10
     flight.run(1.0)
-    flight.said()
+    flight.outbound()
     order(flight, ENGAGE)
     flight.run(0.1)
-    said = flight.said()
-    assert acks(said) == [(ENGAGE, REJECTED)]
-    assert "released: autopilot not in the mode that obeys" in texts(said)
+    messages = flight.outbound()
+    assert acks(messages) == [(ENGAGE, REJECTED)]
+    assert "released: autopilot not in the mode that obeys" in texts(messages)
 
 
 def test_a_capture_that_is_lost_failed(flight: Flight) -> None:
@@ -152,7 +152,7 @@ def test_a_capture_that_is_lost_failed(flight: Flight) -> None:
     flight.run(0.1)
     flight.attitude_hz = 0.0
     flight.run(0.6)
-    assert acks(flight.said())[-1] == (ENGAGE, FAILED)
+    assert acks(flight.outbound())[-1] == (ENGAGE, FAILED)
 
 
 def test_a_capture_that_an_operator_ends_was_cancelled(flight: Flight) -> None:
@@ -160,16 +160,16 @@ def test_a_capture_that_an_operator_ends_was_cancelled(flight: Flight) -> None:
     flight.run(0.1)
     flight.set("OP_ENGAGE", 0.0)
     flight.run(0.1)
-    assert acks(flight.said())[-1] == (ENGAGE, CANCELLED)
+    assert acks(flight.outbound())[-1] == (ENGAGE, CANCELLED)
 
 
 def test_an_engagement_that_is_aborted_within_the_same_tick_was_cancelled(flight: Flight) -> None:
     order(flight, ENGAGE)
     order(flight, ABORT)
     flight.run(0.1)
-    assert (ENGAGE, CANCELLED) in acks(flight.said())
+    assert (ENGAGE, CANCELLED) in acks(flight.outbound())
     flight.run(5.0)
-    assert acks(flight.said()) == []  # nobody waits for it
+    assert acks(flight.outbound()) == []  # nobody waits for it
 
 
 def test_what_asked_for_one_engagement_does_not_ask_for_the_next(flight: Flight) -> None:
@@ -183,7 +183,7 @@ def test_what_asked_for_one_engagement_does_not_ask_for_the_next(flight: Flight)
         flight.set("OP_ENGAGE", 1.0)
         flight.run(1.2)
         assert flight.mode_now == READY
-    assert "try again after 4 s" in "".join(texts(flight.said()))  # of two chunks
+    assert "try again after 4 s" in "".join(texts(flight.outbound()))  # of two chunks
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)
     assert flight.mode_now == CAPTURING
@@ -207,9 +207,9 @@ def test_a_way_out_whose_first_frame_was_lost_is_no_repetition_of_an_earlier_one
     flight.run(0.1)
     assert flight.mode_now == READY
     if way_out == ABORT:
-        flight.said()
+        flight.outbound()
         order(flight, ENGAGE)
-        assert acks(flight.said()) == [(ENGAGE, REJECTED)]
+        assert acks(flight.outbound()) == [(ENGAGE, REJECTED)]
 
 
 def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
@@ -218,16 +218,16 @@ def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
     order(flight, ABORT, component=0)
     flight.run(0.05)
     assert flight.mode_now == READY
-    said = flight.said()
-    assert (ABORT, ACCEPTED) in acks(said)
-    assert any("aborted by system 255" in text for text in texts(said))
+    messages = flight.outbound()
+    assert (ABORT, ACCEPTED) in acks(messages)
+    assert any("aborted by system 255" in text for text in texts(messages))
     flight.set("OP_ENGAGE", 1.0)
     order(flight, ENGAGE)
     flight.run(0.1)
-    said = flight.said()
+    messages = flight.outbound()
     assert flight.mode_now == READY
-    assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [0.0]
-    assert acks(said) == [(ENGAGE, REJECTED)]
+    assert [m.param_value for m in messages if m.get_type() == "PARAM_VALUE"] == [0.0]
+    assert acks(messages) == [(ENGAGE, REJECTED)]
     flight.set("OP_ENGAGE", 0.0)
     order(flight, ENGAGE)
     flight.run(0.1)
@@ -240,9 +240,9 @@ def test_a_refused_zero_does_not_take_an_abort_back(flight: Flight) -> None:
     flight.hear(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 0.0, real64), station=True)
     order(flight, ENGAGE)
     flight.run(0.1)
-    said = flight.said()
-    assert any("send it as REAL32" in text for text in texts(said))
-    assert acks(said)[-1] == (ENGAGE, REJECTED)
+    messages = flight.outbound()
+    assert any("send it as REAL32" in text for text in texts(messages))
+    assert acks(messages)[-1] == (ENGAGE, REJECTED)
     assert flight.mode_now == READY
 
 
@@ -251,7 +251,7 @@ def test_other_commands_to_us_are_unsupported_and_to_others_not_ours(flight: Fli
     order(flight, 400, component=0)
     order(flight, ENGAGE, component=1)
     flight.run(0.05)
-    assert acks(flight.said()) == [(400, UNSUPPORTED)]
+    assert acks(flight.outbound()) == [(400, UNSUPPORTED)]
 
 
 def test_only_operators_may_set_and_command(flight: Flight) -> None:
@@ -260,11 +260,11 @@ def test_only_operators_may_set_and_command(flight: Flight) -> None:
     order(flight, ENGAGE)
     flight.hear(mavlink.MAVLink_param_request_read_message(1, 191, b"TGL_Z", -1), station=True)
     flight.run(0.1)
-    said = flight.said()
-    values = {m.param_id: m.param_value for m in said if m.get_type() == "PARAM_VALUE"}
+    messages = flight.outbound()
+    values = {m.param_id: m.param_value for m in messages if m.get_type() == "PARAM_VALUE"}
     assert values == {"TGL_X": 0.0, "TGL_Z": 0.0}  # refused; reading is free
-    assert acks(said) == [(ENGAGE, DENIED)]
-    assert "system 77 is not among autopilot.operators" in "".join(texts(said))
+    assert acks(messages) == [(ENGAGE, DENIED)]
+    assert "system 77 is not among autopilot.operators" in "".join(texts(messages))
     assert flight.mode_now == READY
 
 
@@ -273,20 +273,20 @@ def test_a_file_saved_in_flight_does_not_engage_when_it_is_loaded(flight: Flight
     flight.run(0.5)
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 1.0  # the station sees its own value
     flight.run(1.0)
-    shown = [m.param_value for m in flight.said("PARAM_VALUE") if m.param_id == "OP_ENGAGE"]
+    shown = [m.param_value for m in flight.outbound("PARAM_VALUE") if m.param_id == "OP_ENGAGE"]
     assert shown == [1.0, 2.0]
     flight.set("OP_ENGAGE", 2.0)
     flight.run(0.1)
     assert flight.mode_now in (CAPTURING, SOARING)
     flight.set("OP_ENGAGE", 0.0)
     flight.run(0.1)
-    flight.said()
+    flight.outbound()
     flight.set("OP_ENGAGE", 2.0)  # the file is loaded
     flight.run(0.1)
-    said = flight.said()
+    messages = flight.outbound()
     assert flight.mode_now == READY
-    assert [m.param_value for m in said if m.get_type() == "PARAM_VALUE"] == [0.0]
-    assert any("set 1" in text for text in texts(said))
+    assert [m.param_value for m in messages if m.get_type() == "PARAM_VALUE"] == [0.0]
+    assert any("set 1" in text for text in texts(messages))
 
 
 # --- the pilot's switch -----------------------------------------------------------------------
@@ -304,15 +304,15 @@ def switch(flight: Flight, pulse_us: int, seconds: float = 0.5, *, system: int =
 def test_the_pilot_s_switch_engages_releases_and_holds_back(flight: Flight) -> None:
     flight.set("OP_RC_CHAN", 8.0)
     flight.run(2.5)
-    assert any(m.param1 == 65.0 for m in flight.said("COMMAND_LONG"))  # the stream is asked for
+    assert any(m.param1 == 65.0 for m in flight.outbound("COMMAND_LONG"))  # the stream is asked for
     switch(flight, 1900)
     assert flight.mode_now == READY
     switch(flight, 1100)
     order(flight, ENGAGE)
     flight.run(0.1)
-    said = flight.said()
-    assert acks(said) == [(ENGAGE, REJECTED)]
-    assert any("switch is low" in text for text in texts(said))
+    messages = flight.outbound()
+    assert acks(messages) == [(ENGAGE, REJECTED)]
+    assert any("switch is low" in text for text in texts(messages))
     switch(flight, 1900, system=9)  # another vehicle's
     assert flight.mode_now == READY
     switch(flight, 1900)
@@ -354,7 +354,7 @@ def test_what_asked_for_an_engagement_does_not_ask_for_it_again_after_others_hav
     order(flight, ENGAGE, confirmation=1)
     flight.run(0.2)
     assert flight.mode_now == READY
-    assert "somebody else has released" in "".join(texts(flight.said()))
+    assert "somebody else has released" in "".join(texts(flight.outbound()))
     switch(flight, 1500, 4.0)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.2)
@@ -371,11 +371,11 @@ def test_who_has_released_may_engage_again_at_once(flight: Flight) -> None:
         assert flight.mode_now == READY
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.3)
-    flight.said()
+    flight.outbound()
     engage = mavlink.MAVLink_command_long_message(1, 191, ENGAGE, 0, *[0] * 7)
     flight.onboard.event(bytes(engage.pack(OTHER)), flight.now_s)  # it flies already
     flight.run(0.1)
-    assert acks(flight.said()) == [(ENGAGE, IN_PROGRESS)]
+    assert acks(flight.outbound()) == [(ENGAGE, IN_PROGRESS)]
 
 
 def with_switch(channel: float) -> Flight:
@@ -390,14 +390,14 @@ def with_switch(channel: float) -> Flight:
 
 def test_a_switch_that_was_never_received_is_asked_for_and_engages_nothing() -> None:
     flight = with_switch(8.0)
-    assert any(m.param1 == 65.0 for m in flight.said("COMMAND_LONG"))
+    assert any(m.param1 == 65.0 for m in flight.outbound("COMMAND_LONG"))
     order(flight, ENGAGE)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.2)
-    said = flight.said()
-    assert acks(said) == [(ENGAGE, REJECTED)]
+    messages = flight.outbound()
+    assert acks(messages) == [(ENGAGE, REJECTED)]
     words = "the pilot's switch: no RC_CHANNELS are received (OP_RC_CHAN = 8)"
-    assert words in "".join(texts(said))
+    assert words in "".join(texts(messages))
     assert flight.mode_now == READY
     switch(flight, 1500)
     order(flight, ENGAGE)
@@ -417,7 +417,7 @@ def test_a_channel_that_is_not_there_engages_nothing(pulse_us: int) -> None:
     order(flight, ENGAGE)
     flight.run(0.1)
     assert flight.mode_now == READY
-    words = "".join(texts(flight.said()))
+    words = "".join(texts(flight.outbound()))
     assert f"no pulses on its channel: {pulse_us} us" in words
     assert "RC_CHANNELS have 8 channels" in words
 
@@ -430,14 +430,14 @@ def test_a_switch_that_falls_silent_is_reported_and_ends_the_engagement(
     switch(flight, 1500)
     order(flight, ENGAGE)
     flight.run(0.1)
-    flight.said()
+    flight.outbound()
 
     def silent(seconds: float) -> str:
         if pulse_us is None:
             flight.run(seconds)
         else:
             switch(flight, pulse_us, seconds)
-        return "".join(texts(flight.said()))
+        return "".join(texts(flight.outbound()))
 
     assert "silent" not in silent(0.8)
     assert "the pilot's switch is silent, disengaging in 2 s" in silent(1.0)
@@ -456,7 +456,7 @@ def test_a_silence_that_ends_in_time_is_reported_again_the_next_time() -> None:
     for _ in range(3):
         flight.run(2.0)
         switch(flight, 1500)
-    words = "".join(texts(flight.said()))
+    words = "".join(texts(flight.outbound()))
     assert words.count("disengaging in 2 s") == 3
     assert flight.mode_now in (CAPTURING, SOARING)
 
@@ -469,7 +469,7 @@ def test_a_channel_that_moves_a_surface_is_no_switch() -> None:
     for channel in (1, 2, 4):
         flight.set("OP_RC_CHAN", channel)
         assert flight.onboard.parameters.values["OP_RC_CHAN"] == 0.0
-    words = "".join(texts(flight.said()))
+    words = "".join(texts(flight.outbound()))
     assert "this channel moves a surface: 1 to 18 but none of 1, 2, 4; 0: no switch" in words
     flight.set("OP_RC_CHAN", 3)
     assert flight.onboard.parameters.values["OP_RC_CHAN"] == 3.0
@@ -479,10 +479,10 @@ def test_a_budget_without_a_propeller_is_refused_in_flight_too(flight: Flight) -
     flight.engaged()
     flight.set("THR_BUDGET", 10.0)
     assert flight.onboard.parameters.values["THR_BUDGET"] == 0.0
-    words = "".join(texts(flight.said()))
+    words = "".join(texts(flight.outbound()))
     assert "no propeller: the airframe file needs [surfaces.throttle]" in words
     flight.set("THR_BUDGET", 0.0)
-    assert "no propeller" not in "".join(texts(flight.said()))
+    assert "no propeller" not in "".join(texts(flight.outbound()))
 
 
 def test_a_budget_with_a_propeller_is_taken_in_flight() -> None:
@@ -513,7 +513,7 @@ def test_telemetry_stays_within_its_bytes_on_the_wire(flight: Flight, budget: fl
 
 def test_all_terms_come_in_one_array(flight: Flight) -> None:
     flight.engaged().run(1.0)
-    arrays = flight.said("DEBUG_FLOAT_ARRAY")
+    arrays = flight.outbound("DEBUG_FLOAT_ARRAY")
     assert arrays[-1].name == "tgl_soar"
     shown = dict(zip(ARRAY, arrays[-1].data, strict=False))
     assert shown["mode"] in (CAPTURING, SOARING)
@@ -528,10 +528,12 @@ def test_all_terms_come_in_one_array(flight: Flight) -> None:
 
 def test_a_fault_of_a_stream_is_reported_by_its_bit(flight: Flight) -> None:
     flight.engaged().run(1.5)
-    assert {m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"} == {DISARMED}
+    assert {m.value for m in flight.outbound("NAMED_VALUE_FLOAT") if m.name == "faults"} == {
+        DISARMED
+    }
     flight.quaternion = [0.9, 0.0, 0.0, 0.0]  # its norm is not one
     flight.run(1.5)
-    reported = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "faults"]
+    reported = [m.value for m in flight.outbound("NAMED_VALUE_FLOAT") if m.name == "faults"]
     assert reported[-1] == DISARMED | WRONG << ATTITUDE_SHIFT
 
 
@@ -542,7 +544,7 @@ def test_lost_frames_are_reported_as_a_share(flight: Flight) -> None:
         if i % 5 == 0:
             codec.seq = (codec.seq + 1) % 256  # a frame that never came
     flight.run(2.0)
-    reported = [m.value for m in flight.said("NAMED_VALUE_FLOAT") if m.name == "loss"]
+    reported = [m.value for m in flight.outbound("NAMED_VALUE_FLOAT") if m.name == "loss"]
     assert max(reported) > 0.3
 
 
@@ -567,7 +569,7 @@ class Station:
         frame = bytes(message.pack(self._codec, force_mavlink1=self._old))
         self._flight.onboard.event(frame, self._flight.now_s, self._link)
 
-    def said(self) -> list[Any]:
+    def received(self) -> list[Any]:
         frames, self.frames = self.frames, []
         return [mavlink.MAVLink(None).decode(bytearray(f)) for f in frames]
 
@@ -581,13 +583,13 @@ def test_an_answer_goes_where_the_question_came_from_and_telemetry_everywhere(
 ) -> None:
     one, two = Station(flight), Station(flight, 254)
     flight.run(1.0)
-    assert one.said()[0].get_type() == two.said()[0].get_type() == "HEARTBEAT"
-    flight.said()
+    assert one.received()[0].get_type() == two.received()[0].get_type() == "HEARTBEAT"
+    flight.outbound()
     one.say(mavlink.MAVLink_param_request_list_message(1, 191))
     one.say(mavlink.MAVLink_timesync_message(0, 5))
     two.say(mavlink.MAVLink_command_long_message(1, 191, ENGAGE, 0, 0, 0, 0, 0, 0, 0, 0))
     flight.run(2.0)
-    first, second, serial = one.said(), two.said(), flight.said()
+    first, second, serial = one.received(), two.received(), flight.outbound()
     assert len({m.param_index for m in first if m.get_type() == "PARAM_VALUE"}) > 50
     assert {m.param_id for m in second if m.get_type() == "PARAM_VALUE"} == {"OP_ENGAGE"}
     assert {m.param_id for m in serial if m.get_type() == "PARAM_VALUE"} == {"OP_ENGAGE"}
@@ -595,8 +597,8 @@ def test_an_answer_goes_where_the_question_came_from_and_telemetry_everywhere(
     assert "TIMESYNC" not in kinds(second)
     assert acks(first) == acks(serial) == []
     assert acks(second)[0] == (ENGAGE, IN_PROGRESS)
-    for said in (first, second, serial):
-        assert {"HEARTBEAT", "NAMED_VALUE_FLOAT", "STATUSTEXT"} <= kinds(said)
+    for messages in (first, second, serial):
+        assert {"HEARTBEAT", "NAMED_VALUE_FLOAT", "STATUSTEXT"} <= kinds(messages)
     assert "RC_CHANNELS_OVERRIDE" in kinds(serial)
     assert "RC_CHANNELS_OVERRIDE" not in kinds(first) | kinds(second)
     for frames in (first, second):
@@ -612,10 +614,10 @@ def test_a_station_is_answered_however_many_others_were_received_before(flight: 
             flight.onboard.event(
                 bytes(beat.pack(mavlink.MAVLink(None, system, component))), flight.now_s
             )
-    flight.said()
+    flight.outbound()
     order(flight, ENGAGE)
     flight.run(0.05)
-    assert acks(flight.said()) == [(ENGAGE, IN_PROGRESS)]
+    assert acks(flight.outbound()) == [(ENGAGE, IN_PROGRESS)]
 
 
 def test_nobody_but_the_autopilot_s_own_link_measures(flight: Flight) -> None:
@@ -635,8 +637,8 @@ def test_mavlink_1_is_answered_in_mavlink_1(flight: Flight) -> None:
     old.say(mavlink.MAVLink_param_set_message(1, 191, b"TGL_X", 0.5, 9))
     flight.run(2.0)
     assert {f[0] for f in old.frames} == {0xFE}
-    said = old.said()
-    assert {"PARAM_VALUE", "HEARTBEAT", "NAMED_VALUE_FLOAT"} <= kinds(said)
+    messages = old.received()
+    assert {"PARAM_VALUE", "HEARTBEAT", "NAMED_VALUE_FLOAT"} <= kinds(messages)
     assert {f[0] for f in flight.frames} == {0xFD}
     old._old = False
     old.say(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
@@ -706,7 +708,7 @@ def test_a_key_over_the_air_is_refused(flight: Flight) -> None:
     setup_signing(flight, KEY)
     setup_signing(flight, KEY)
     assert not flight.onboard.signing.is_on
-    reported = [text for text in texts(flight.said()) if "SETUP_SIGNING refused" in text]
+    reported = [text for text in texts(flight.outbound()) if "SETUP_SIGNING refused" in text]
     assert len(reported) == 1
 
 
@@ -714,7 +716,7 @@ def test_a_damaged_timestamp_is_reported(flight: Flight) -> None:
     damaged = Signing(None, EPOCH_S, 0.0, kept=2**48 - 1)
     flight.onboard = Onboard(setup(), flight._send, flight.now_s, ModuleOptions(signing=damaged))
     flight.run(1.5)
-    assert "timestamp that was kept is damaged" in "".join(texts(flight.said()))
+    assert "timestamp that was kept is damaged" in "".join(texts(flight.outbound()))
 
 
 def test_a_key_over_the_air_is_taken_where_that_was_allowed() -> None:

@@ -187,8 +187,8 @@ def test_words_are_told_on_all_links_on_the_console_and_in_the_log() -> None:
     scene.outbox.tell(SEVERITY_WARNING, "no place to settle")
     assert scene.console == ["no place to settle"]
     assert scene.log.words == [(SEVERITY_WARNING, "no place to settle")]
-    said = [(number, m.severity, m.text) for number, m in scene.messages()]
-    assert said == [(n, SEVERITY_WARNING, "no place to settle") for n in (0, 1)]
+    sent = [(number, m.severity, m.text) for number, m in scene.messages()]
+    assert sent == [(n, SEVERITY_WARNING, "no place to settle") for n in (0, 1)]
 
 
 def test_words_that_a_part_has_left_are_told_once() -> None:
@@ -203,9 +203,9 @@ def test_words_over_the_link_alone_are_neither_on_the_console_nor_among_the_logs
     scene = Scene()
     scene.outbox.say_words(SEVERITY_INFO, "w" * 60, scene.outbox.routes[1])
     assert (scene.console, scene.log.words) == ([], [])
-    said = scene.messages()
-    assert "".join(m.text for _, m in said) == "w" * 60  # 50 characters go into a message
-    assert {number for number, _ in said} == {1}
+    pieces = scene.messages()
+    assert "".join(m.text for _, m in pieces) == "w" * 60  # 50 characters go into a message
+    assert {number for number, _ in pieces} == {1}
 
 
 def test_who_asked_for_no_words_gets_none() -> None:

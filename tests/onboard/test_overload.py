@@ -59,16 +59,16 @@ class BusyFlight(Flight):
 def test_late_ticks_cost_the_telemetry_and_never_the_surfaces() -> None:
     flight = BusyFlight()
     flight.engaged().run(1.0)
-    flight.said()
+    flight.outbound()
     assert not flight.onboard.load_shedding.no_telemetry
     flight.awake_every_s = 0.02
     flight.run(0.2)
-    words = texts(flight.said())
+    words = texts(flight.outbound())
     assert any("computer too busy" in text for text in words)
     ticks, surfaces = flight.onboard.counters.ticks, flight.onboard.counters.surface_frames
     flight.run(2.0)
-    said = flight.said()
-    kinds = {m.get_type() for m in said}
+    messages = flight.outbound()
+    kinds = {m.get_type() for m in messages}
     assert not kinds & {"NAMED_VALUE_FLOAT", "DEBUG_FLOAT_ARRAY"}
     assert {"RC_CHANNELS_OVERRIDE", "HEARTBEAT"} <= kinds
     ticked = flight.onboard.counters.ticks - ticks
@@ -81,7 +81,7 @@ def test_late_ticks_cost_the_telemetry_and_never_the_surfaces() -> None:
     flight.awake_every_s = 0.0
     flight.run(2.0)
     assert not flight.onboard.load_shedding.no_telemetry
-    assert "NAMED_VALUE_FLOAT" in {m.get_type() for m in flight.said()}
+    assert "NAMED_VALUE_FLOAT" in {m.get_type() for m in flight.outbound()}
 
 
 def test_asking_is_answered_however_busy_it_is() -> None:
@@ -89,10 +89,10 @@ def test_asking_is_answered_however_busy_it_is() -> None:
     flight.engaged()
     flight.awake_every_s = 0.02
     flight.run(0.5)
-    flight.said()
+    flight.outbound()
     flight.set("TGL_CAPTURE", 0.08)
     flight.run(0.1)
-    assert [m.param_id for m in flight.said("PARAM_VALUE")] == ["TGL_CAPTURE"]
+    assert [m.param_id for m in flight.outbound("PARAM_VALUE")] == ["TGL_CAPTURE"]
 
 
 def test_one_late_tick_costs_a_moment_and_many_cost_the_log() -> None:

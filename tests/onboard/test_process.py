@@ -226,9 +226,9 @@ def test_whatever_ends_the_loop_the_pilot_gets_the_surfaces(flown: Process) -> N
 def test_the_loop_is_given_what_was_asked_for(flown: Process) -> None:
     asked = RealtimeOptions(processor=None, spin_s=0.0003, power_saving=True)
     flown.run(timeout_s=7.0, realtime=asked)
-    (first,), stop, told, named = flown.given["loop"]
+    (first,), stop, says, named = flown.given["loop"]
     assert first.name == LINKS[0]
-    assert told == flown.say
+    assert says == flown.say
     assert not stop()
     assert named["timeout_s"] == 7.0
     assert (named["spin_s"], named["power_saving"]) == (0.0003, True)
@@ -595,15 +595,15 @@ def test_while_it_flies_what_ends_a_process_asks_it_to_stop_and_what_stops_it_is
 ) -> None:
     numbers = (*watchdog.ENDS, *watchdog.IGNORED)
     before = {number: signal.getsignal(number) for number in numbers}
-    seen: dict[int, Any] = {}
-    flown.in_loop = lambda: seen.update({n: signal.getsignal(n) for n in numbers})
+    handlers: dict[int, Any] = {}
+    flown.in_loop = lambda: handlers.update({n: signal.getsignal(n) for n in numbers})
     flown.run()
     stop = flown.given["loop"][1]
-    assert all(seen[number] == signal.SIG_IGN for number in watchdog.IGNORED)
+    assert all(handlers[number] == signal.SIG_IGN for number in watchdog.IGNORED)
     assert not stop()
     for number in watchdog.ENDS:
-        assert seen[number] == stop.__self__.ask
-    seen[signal.SIGINT](signal.SIGINT, None)
+        assert handlers[number] == stop.__self__.ask
+    handlers[signal.SIGINT](signal.SIGINT, None)
     assert stop()
     assert {number: signal.getsignal(number) for number in numbers} == before
 

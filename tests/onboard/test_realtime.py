@@ -24,7 +24,7 @@ def fifo_is_permitted() -> bool:
 needs_fifo = pytest.mark.skipif(not fifo_is_permitted(), reason="SCHED_FIFO is not permitted here")
 
 
-def said(code: str) -> str:
+def printed(code: str) -> str:
     """By a process of its own: what is asked for changes the whole of it."""
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert run.returncode == 0, run.stderr
@@ -32,7 +32,7 @@ def said(code: str) -> str:
 
 
 def test_without_the_right_to_it_is_said_once_and_the_flight_goes_on() -> None:
-    words = said(
+    words = printed(
         "import gc, os, resource\n"
         "from tgl_soar.onboard import realtime\n"
         "for limit in (resource.RLIMIT_RTPRIO, resource.RLIMIT_MEMLOCK):\n"
@@ -50,7 +50,7 @@ def test_without_the_right_to_it_is_said_once_and_the_flight_goes_on() -> None:
 
 
 def test_a_processor_that_is_not_there_is_said_too() -> None:
-    words = said(
+    words = printed(
         "from tgl_soar.onboard import realtime\n"
         "print(*realtime.prepare(realtime.RealtimeOptions(processor=4000)), sep='\\n')"
     )
@@ -58,7 +58,7 @@ def test_a_processor_that_is_not_there_is_said_too() -> None:
 
 
 def test_in_simulation_nothing_is_asked_for() -> None:
-    words = said(
+    words = printed(
         "import os\n"
         "from tgl_soar.onboard import realtime\n"
         "print(realtime.prepare(real_time=False), os.sched_getscheduler(0) == os.SCHED_OTHER)"
@@ -69,7 +69,7 @@ def test_in_simulation_nothing_is_asked_for() -> None:
 @needs_fifo
 def test_the_loop_comes_first_and_its_threads_right_after_it_wherever_there_is_room() -> None:
     one = min(processors())
-    words = said(
+    words = printed(
         "import os, threading\n"
         "from tgl_soar.onboard import realtime\n"
         f"options = realtime.RealtimeOptions({one})\n"
@@ -88,7 +88,7 @@ def test_the_loop_comes_first_and_its_threads_right_after_it_wherever_there_is_r
 
 @needs_fifo
 def test_the_guard_stops_a_child_that_spins_on_the_only_processor() -> None:
-    words = said(
+    words = printed(
         "import os\n"
         "from tgl_soar.onboard import realtime, watchdog\n"
         f"os.sched_setaffinity(0, {{{min(processors())}}})\n"

@@ -110,13 +110,13 @@ def test_what_could_not_be_had_is_said_with_the_way_to_it(
     assert (slack in system.calls) is not may_have_priority
 
 
-@pytest.mark.parametrize(("processor", "said"), [(3, 0), (0, 0), (4, 1)])
+@pytest.mark.parametrize(("processor", "count"), [(3, 0), (0, 0), (4, 1)])
 def test_the_loop_runs_on_the_processor_that_is_asked_for(
-    system: System, processor: int, said: int
+    system: System, processor: int, count: int
 ) -> None:
     words = realtime.prepare(RealtimeOptions(processor))
-    assert words == ["processor 4 cannot be had: running on any"] * said
-    assert system.affinity == ({0, 1, 2, 3} if said else {processor})
+    assert words == ["processor 4 cannot be had: running on any"] * count
+    assert system.affinity == ({0, 1, 2, 3} if count else {processor})
 
 
 def test_a_system_without_such_calls_is_flown_on_too(

@@ -63,7 +63,7 @@ class Scene:
 
     def __init__(self, *first_words: tuple[int, str], store: Any = None) -> None:
         self.console: list[str] = []
-        self.told: list[tuple[int, str]] = []
+        self.texts: list[tuple[int, str]] = []
         self.over_link: list[tuple[int, str]] = []
         self.done: list[Any] = []
         self.logged: list[str] = []
@@ -72,8 +72,8 @@ class Scene:
         self.shedding = SimpleNamespace(no_telemetry=False)
         outbox: Any = SimpleNamespace(
             console=self.console.append,
-            tell=lambda *words: self.told.append(words),
-            tell_all=self.told.extend,
+            tell=lambda *words: self.texts.append(words),
+            tell_all=self.texts.extend,
             say_words=lambda *words: self.over_link.append(words),
             send_telemetry=lambda now_s, *, sheds: self.done.append(("sent", now_s, sheds)),
         )
@@ -92,9 +92,9 @@ class Scene:
 
     def load(self, after_s: float = 0.0, left_out: int = 0) -> list[tuple[int, str]]:
         """What is said of the load, so long after the beginning."""
-        self.told.clear()
+        self.texts.clear()
         self.reports.tell_load(T_S + after_s, left_out)
-        return list(self.told)
+        return list(self.texts)
 
 
 # --- what has to be said --------------------------------------------------------------------------
@@ -111,7 +111,7 @@ def test_the_first_words_are_on_the_console_at_once_and_go_out_when_somebody_hea
     for _ in range(2):
         scene.reports.tell_words(T_S, values)
     assert scene.over_link == list(first)
-    assert scene.told == []
+    assert scene.texts == []
 
 
 def test_what_keeps_parameters_and_the_log_has_to_say_is_told_as_a_warning() -> None:
@@ -126,7 +126,7 @@ def test_what_keeps_parameters_and_the_log_has_to_say_is_told_as_a_warning() -> 
     scene.logged = ["log is cut off"]
     values: Any = "values"
     scene.reports.tell_words(T_S, values)
-    assert scene.told == [(SEVERITY_WARNING, "disk full"), (SEVERITY_WARNING, "log is cut off")]
+    assert scene.texts == [(SEVERITY_WARNING, "disk full"), (SEVERITY_WARNING, "log is cut off")]
     assert asked == [("values", T_S)]
 
 
@@ -136,7 +136,7 @@ def test_a_ticks_numbers_are_shown_after_its_words_and_shed_with_the_load() -> N
     output, counters = tick(point={"standing": HOLDS}), object()
     given: Any = counters
     scene.reports.show(output, T_S, given)
-    assert scene.told == [(SEVERITY_INFO, "point: held")]
+    assert scene.texts == [(SEVERITY_INFO, "point: held")]
     assert scene.done == [
         ("measured", T_S, scene.ticks, counters),
         ("shown", output, 7.0, 0.25, 0.004),
@@ -322,7 +322,7 @@ def power(standing: int, called: int = NOT_CALLED) -> Output:
 
 def test_the_throttle_is_said_as_it_opens_why_and_as_it_closes_with_what_it_used() -> None:
     words = PowerWords()
-    said = [
+    reported = [
         words.look(power(*state))
         for state in (
             (CLOSED, NOT_CALLED),
@@ -333,7 +333,7 @@ def test_the_throttle_is_said_as_it_opens_why_and_as_it_closes_with_what_it_used
             (CLOSED, NOT_CALLED),
         )
     ]
-    assert said == [
+    assert reported == [
         [],
         [(SEVERITY_WARNING, "throttle: low and sinking")],
         [],

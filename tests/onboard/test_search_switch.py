@@ -125,7 +125,7 @@ def value(flight: Flight, name: str) -> float:
 
 
 def words(flight: Flight) -> list[str]:
-    return [text for text in texts(flight.said()) if "search" in text]
+    return [text for text in texts(flight.outbound()) if "search" in text]
 
 
 def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says_so() -> None:
@@ -133,7 +133,7 @@ def test_the_module_flies_the_line_that_the_search_wants_and_soars_where_it_says
     assert "searching: searches for a place to soar" in words(flight)
     search.requests(0.1, lean_deg=20.0)
     flight.run(0.25)
-    shown = {m.param_id: m.param_value for m in flight.said("PARAM_VALUE")}
+    shown = {m.param_id: m.param_value for m in flight.outbound("PARAM_VALUE")}
     assert shown["TGL_X"] == pytest.approx(0.1)
     assert shown["TGL_LEAN"] == pytest.approx(20.0)
     assert value(flight, "TGL_X") == pytest.approx(0.1)
@@ -242,11 +242,11 @@ def test_given_up_it_hands_over_with_the_reason_and_the_height() -> None:
     assert search.answer is not None
     search.answer = search.answer._replace(status=GIVEN_UP, reason=TOO_LOW)
     flight.run(0.3)
-    said = texts(flight.said())
-    whole = "".join(said)  # a long text comes in pieces
+    reported = texts(flight.outbound())
+    whole = "".join(reported)  # a long text comes in pieces
     assert "height for landing is running out" in whole
     assert "4.2 m over the ground" in whole
-    assert "released: no place to soar is found" in said
+    assert "released: no place to soar is found" in reported
     flight.run(0.5)
     assert value(flight, "SRCH_START") == value(flight, "OP_ENGAGE") == 0.0
     assert search.glimpses[-1] is None  # the flight is over
@@ -298,7 +298,7 @@ def test_a_search_that_dies_or_is_late_ends_and_the_line_goes_on() -> None:
     assert value(flight, "TGL_X") == pytest.approx(0.6)
     flight.set("SRCH_START", 1.0)
     flight.run(0.1)
-    assert "its process has died" in "".join(texts(flight.said()))
+    assert "its process has died" in "".join(texts(flight.outbound()))
     assert value(flight, "SRCH_START") == 0.0
 
     flight, search = searching()
@@ -361,7 +361,7 @@ def test_what_an_ended_search_had_asked_is_not_obeyed_by_the_next(status: int) -
 def test_late_is_who_answers_old_glimpses_however_often() -> None:
     """A process that falls ever further behind answers five times a second."""
     flight, search = searching()
-    flight.said()
+    flight.outbound()
     for late in range(1, round(LATE_S / LOOK_S) + 2):
         search.late = late
         flight.run(LOOK_S)
@@ -407,7 +407,7 @@ def test_what_found_no_room_is_sent_again() -> None:
 @pytest.mark.parametrize("mode", [HOLDING, RECOVERING])
 def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
     flight, search = searching()
-    flight.said()
+    flight.outbound()
     search.answer = None
     before = len(search.glimpses)
     ticks(flight, mode, LATE_S + 1.0)
@@ -426,7 +426,7 @@ def test_nobody_is_late_who_was_not_asked(mode: int) -> None:
 @pytest.mark.parametrize("mode", [BREAKING_OFF, LANDING])
 def test_on_the_way_home_there_is_no_search(mode: int) -> None:
     flight, search = searching()
-    flight.said()
+    flight.outbound()
     before, x_m = len(search.glimpses), value(flight, "TGL_X")
     search.requests(0.4)
     ticks(flight, mode, LATE_S + 1.0)
@@ -436,9 +436,9 @@ def test_on_the_way_home_there_is_no_search(mode: int) -> None:
     flight.set("SRCH_START", 1.0)  # it is refused with the reason
     assert value(flight, "SRCH_START") == 0.0
     flight.run(0.05)
-    said = texts(flight.said())
-    assert "search ended: it goes home" in said
-    assert "ESC_START" in "".join(said)
+    reported = texts(flight.outbound())
+    assert "search ended: it goes home" in reported
+    assert "ESC_START" in "".join(reported)
 
 
 def test_no_search_begins_by_itself_on_the_way_home() -> None:
@@ -483,11 +483,11 @@ def test_what_cannot_be_searched_is_refused(
 ) -> None:
     flight = Flight(flown=flown, search=search)
     flight.run(1.0)
-    flight.said()
+    flight.outbound()
     flight.set("SRCH_START", 1.0)
     flight.run(0.1)
     assert value(flight, "SRCH_START") == 0.0
-    assert why in "".join(texts(flight.said()))
+    assert why in "".join(texts(flight.outbound()))
 
 
 @pytest.mark.parametrize(
@@ -496,21 +496,21 @@ def test_what_cannot_be_searched_is_refused(
 )
 def test_a_search_ends_where_a_guard_is_taken_away(name: str, number: float, why: str) -> None:
     flight, _ = searching()
-    flight.said()
+    flight.outbound()
     flight.set(name, number)
     flight.run(0.05)
     assert value(flight, "SRCH_START") == 0.0
-    assert f"search ended: {why}" in "".join(texts(flight.said()))
+    assert f"search ended: {why}" in "".join(texts(flight.outbound()))
 
 
 @pytest.mark.parametrize("number", [2.0, 3.0, 4.0])
 def test_what_only_the_module_shows_is_not_set(number: float) -> None:
     flight, _ = searching()
-    flight.said()
+    flight.outbound()
     flight.set("SRCH_START", number)
     flight.run(0.05)
     assert value(flight, "SRCH_START") == 1.0
-    assert "set 1 to search" in "".join(texts(flight.said()))
+    assert "set 1 to search" in "".join(texts(flight.outbound()))
 
 
 def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
@@ -532,7 +532,7 @@ def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
     onboard._switches.tick(lost)
     assert value(flight, "SRCH_START") == 4.0  # whoever took it back keeps it
     flight.run(0.1)
-    assert "FC_ACT 4 acts as 2: its search is over" in texts(flight.said())
+    assert "FC_ACT 4 acts as 2: its search is over" in texts(flight.outbound())
     assert flight.mode_now in (CAPTURING, SOARS)
 
 
@@ -549,13 +549,13 @@ def test_where_no_search_can_begin_fc_act_4_is_reported_to_act_as_2(
 ) -> None:
     flight = Flight(flown=equipped(**changes), search=search)
     flight.run(1.0)
-    flight.said()
-    told = f"FC_ACT 4 acts as 2: {why}"
+    flight.outbound()
+    words = f"FC_ACT 4 acts as 2: {why}"
     flight.set("FC_ACT", 4.0)
     flight.run(0.1)
-    assert told in "".join(texts(flight.said()))
+    assert words in "".join(texts(flight.outbound()))
     flight.engaged().run(0.1)
-    assert told in "".join(texts(flight.said()))
+    assert words in "".join(texts(flight.outbound()))
     assert value(flight, "SRCH_START") == 4.0
     flight.run(1.0)
     assert flight.mode_now == SOARS  # and it is no search
@@ -578,7 +578,7 @@ def test_a_process_that_dies_leaves_fc_act_4_with_the_guard_of_2() -> None:
     search.failure = "its process has died"
     flight.run(0.1)
     assert value(flight, "SRCH_START") == 4.0
-    assert "FC_ACT 4 acts as 2: its process has died" in texts(flight.said())
+    assert "FC_ACT 4 acts as 2: its process has died" in texts(flight.outbound())
 
 
 # --- beside the tick --------------------------------------------------------------------------

@@ -80,7 +80,7 @@ class Bench:
         self.laws: Any = SimpleNamespace(
             wind=SimpleNamespace(aerodynamics=POLAR), throttle=LAWS.throttle
         )
-        self.said: list[tuple[int, str]] = []
+        self.texts: list[tuple[int, str]] = []
         self.engine = engine or Engine()
         self.moved: list[TargetLine] = []
         self.may_move = True
@@ -100,7 +100,7 @@ class Bench:
         self.values[name] = value
 
     def tell(self, severity: int, text: str) -> None:
-        self.said.append((severity, text))
+        self.texts.append((severity, text))
 
     def tick(
         self,
@@ -128,7 +128,7 @@ class Bench:
         self.values["SRCH_START"] = SEARCH_LOOKS
         self.tick()
         self.tick(0.2)
-        self.said.clear()
+        self.texts.clear()
         return self
 
     def says(self, **changes: Any) -> None:
@@ -167,15 +167,15 @@ def test_a_glimpse_has_the_means_since_the_one_before(bench: Bench) -> None:
     ):
         assert bench.engine.sent == []
         bench.tick(after_s, air=(wind, updraft), pushed=pushed)
-    (seen,) = bench.engine.sent
-    assert (seen.wind_mps, seen.updraft_mps) == pytest.approx((9.0, 1.5))
-    assert seen.pushed_mps == pytest.approx(0.3)
-    assert seen.now.time_s - seen.before.time_s == pytest.approx(0.2)
-    assert (seen.seeks, seen.refused, seen.search) == (False, None, 0)
+    (now,) = bench.engine.sent
+    assert (now.wind_mps, now.updraft_mps) == pytest.approx((9.0, 1.5))
+    assert now.pushed_mps == pytest.approx(0.3)
+    assert now.now.time_s - now.before.time_s == pytest.approx(0.2)
+    assert (now.seeks, now.refused, now.search) == (False, None, 0)
     # The next one begins from nothing.
     bench.tick(0.2, air=(5.0, -1.0))
     assert bench.engine.sent[1][3:5] == (5.0, -1.0)
-    assert bench.engine.sent[1].before == seen.now
+    assert bench.engine.sent[1].before == now.now
 
 
 @pytest.mark.parametrize(("after_s", "due"), [(0.199, False), (0.2, True), (-0.01, True)])
@@ -223,7 +223,7 @@ def test_without_an_engine_it_does_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     bench.values["SRCH_START"] = SEARCH_LOOKS
     for _ in range(5):
         bench.tick(1.0)
-    assert bench.said == []
+    assert bench.texts == []
     bench.tick(0.2, active=False)
     assert bench.switch.refusal() == "there is no search in this process"
 
@@ -245,7 +245,7 @@ def test_a_line_that_is_asked_for_is_flown_once(bench: Bench, status: int, shown
     bench.says(status=status, target=LINE._replace(x_m=3.5))
     bench.tick()
     assert len(bench.moved) == 2
-    assert bench.said == []
+    assert bench.texts == []
 
 
 def test_the_line_s_point_is_where_the_aircraft_is_to_settle(bench: Bench) -> None:
@@ -284,7 +284,7 @@ def test_given_up_it_says_why_and_how_high(bench: Bench) -> None:
     bench.searches().says(status=g.GIVEN_UP, reason=g.TOO_LOW)
     bench.tick()
     assert bench.standing == SEARCH_GIVEN_UP
-    assert bench.said == [(SEVERITY_WARNING, f"search: {g.REASONS[2]}; 4.3 m over the ground")]
+    assert bench.texts == [(SEVERITY_WARNING, f"search: {g.REASONS[2]}; 4.3 m over the ground")]
     assert bench.moved == []
 
 
@@ -325,7 +325,7 @@ def test_three_seconds_without_an_answer_end_it(
         began_s = bench.now_s - 0.01  # the glimpse's own time
     bench.tick(began_s + silent_s - bench.now_s)
     assert (bench.standing == SEARCH_OFF) == ends
-    assert bench.said == ([(SEVERITY_ERROR, "search ended: no answer for 3 s")] if ends else [])
+    assert bench.texts == ([(SEVERITY_ERROR, "search ended: no answer for 3 s")] if ends else [])
 
 
 def test_an_old_answer_does_not_make_a_new_one_older(bench: Bench) -> None:
@@ -355,13 +355,13 @@ def test_an_engine_that_fails_or_a_guard_that_is_taken_away_ends_it(bench: Bench
     bench.searches()
     bench.engine.failure = "it has died"
     bench.tick()
-    assert bench.said == [(SEVERITY_ERROR, "search ended: it has died")]
+    assert bench.texts == [(SEVERITY_ERROR, "search ended: it has died")]
     assert bench.standing == SEARCH_OFF
     bench.engine.failure = ""
     bench.searches()
     bench.fence = "open"
     bench.tick()
-    assert bench.said == [(SEVERITY_ERROR, "search ended: open")]
+    assert bench.texts == [(SEVERITY_ERROR, "search ended: open")]
     assert bench.standing == SEARCH_OFF
 
 
@@ -373,7 +373,7 @@ def test_an_engine_that_fails_while_it_is_asked_ends_it(bench: Bench) -> None:
 
     bench.engine.receive = dies  # type: ignore[method-assign]
     bench.tick()
-    assert bench.said == [(SEVERITY_ERROR, "search ended: it has died")]
+    assert bench.texts == [(SEVERITY_ERROR, "search ended: it has died")]
     assert bench.standing == SEARCH_OFF
 
 
@@ -413,13 +413,13 @@ def test_what_a_search_needs(bench: Bench) -> None:
 
 def test_the_operators_line_is_theirs(bench: Bench) -> None:
     bench.switch.taken_back()
-    assert bench.said == []
+    assert bench.texts == []
     bench.searches()
     bench.switch.taken_back()
-    assert bench.said == [(SEVERITY_INFO, "search ended: the line was set by hand")]
+    assert bench.texts == [(SEVERITY_INFO, "search ended: the line was set by hand")]
     assert bench.standing == SEARCH_OFF
     bench.switch.taken_back()
-    assert len(bench.said) == 1
+    assert len(bench.texts) == 1
 
 
 @pytest.mark.parametrize(
@@ -439,7 +439,7 @@ def test_without_a_line_it_is_over_and_said_where_it_was_under_way(
     bench.tick(0.005, mode)
     assert bench.standing == SEARCH_OFF
     under_way = standing in (SEARCH_LOOKS, SEARCH_SOARS)
-    assert bench.said == ([(SEVERITY_INFO, f"search ended: it {where}")] if under_way else [])
+    assert bench.texts == ([(SEVERITY_INFO, f"search ended: it {where}")] if under_way else [])
     assert bench.switch.refusal().startswith(f"it {where}")
     # What was asked before is not obeyed after it.
     bench.says()
@@ -460,7 +460,7 @@ def test_with_the_flight_all_is_over_and_the_engine_is_told_until_it_knows(bench
         bench.tick(0.005, active=False)
     assert bench.engine.sent[sent:] == [None] * 4
     assert bench.standing == SEARCH_OFF
-    assert bench.said == []
+    assert bench.texts == []
     # The next flight's search is another one.
     bench.searches()
     assert bench.engine.sent[-1].search > 1
@@ -506,18 +506,18 @@ def test_it_begins_by_itself_where_no_place_is_foreseen(
     bench.tick(mode=modes.SOARING, **foreseen(standing))
     assert (bench.standing == SEARCH_LOOKS) == begins
     words = (SEVERITY_WARNING, "no place to settle is foreseen: searching")
-    assert bench.said == ([words] if begins else [])
+    assert bench.texts == ([words] if begins else [])
 
 
 def test_once_in_a_flight_and_after_that_fc_act_4_acts_as_2(bench: Bench) -> None:
     bench.values["FC_ACT"] = SEARCH_FIRST
     bench.tick(mode=modes.SOARING, **foreseen(SETTLES + 1))
     bench.switch.taken_back()
-    bench.said.clear()
+    bench.texts.clear()
     for _ in range(3):
         bench.tick(mode=modes.SOARING, **foreseen(SETTLES + 1))
     assert bench.standing == SEARCH_NONE
-    assert bench.said == [(SEVERITY_WARNING, "FC_ACT 4 acts as 2: its search is over")]
+    assert bench.texts == [(SEVERITY_WARNING, "FC_ACT 4 acts as 2: its search is over")]
     bench.tick(active=False)
     assert bench.standing == SEARCH_OFF
     bench.tick(mode=modes.SOARING, **foreseen(SETTLES + 1))  # another flight
@@ -529,7 +529,7 @@ def test_where_it_cannot_begin_that_is_shown_and_where_it_can_again_that_too(ben
     bench.fence = "open"
     bench.tick(mode=modes.SOARING)
     assert bench.standing == SEARCH_NONE
-    assert bench.said == [(SEVERITY_WARNING, "FC_ACT 4 acts as 2: open")]
+    assert bench.texts == [(SEVERITY_WARNING, "FC_ACT 4 acts as 2: open")]
     bench.fence = ""
     bench.tick(mode=modes.SOARING)
     assert bench.standing == SEARCH_OFF
@@ -541,20 +541,20 @@ def test_where_it_cannot_begin_that_is_shown_and_where_it_can_again_that_too(ben
     bench.values["FC_ACT"] = SEARCH_FIRST
     bench.tick(mode=modes.SOARING)
     assert bench.standing == SEARCH_GIVEN_UP
-    assert len(bench.said) == 1
+    assert len(bench.texts) == 1
 
 
 def test_on_the_ground_setting_fc_act_4_says_what_it_lacks(bench: Bench) -> None:
     bench.fence = "open"
     bench.switch.act_was_set()
-    assert bench.said == []
+    assert bench.texts == []
     bench.values["FC_ACT"] = SEARCH_FIRST
     bench.switch.act_was_set()
-    assert bench.said == [(SEVERITY_WARNING, "FC_ACT 4 acts as 2: open")]
+    assert bench.texts == [(SEVERITY_WARNING, "FC_ACT 4 acts as 2: open")]
     bench.fence = ""
     bench.switch.act_was_set()
     bench.fence = "open"
     bench.tick()  # in control the next tick sees it
-    bench.said.clear()
+    bench.texts.clear()
     bench.switch.act_was_set()
-    assert bench.said == []
+    assert bench.texts == []

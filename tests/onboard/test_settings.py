@@ -27,7 +27,7 @@ class Scene:
     """The settings, and what they told others."""
 
     def __init__(self, **values: float) -> None:
-        self.said: list[tuple[str, float]] = []
+        self.reported: list[tuple[str, float]] = []
         self.rates_hz: list[tuple[str, float]] = []
         self.logged: list[ParameterSet] = []
         self.streams = StreamRequests(1)
@@ -53,7 +53,7 @@ class Scene:
         )
 
     def _say_all(self, messages: Any) -> None:
-        self.said += [(m.param_id, m.param_value) for m in messages]
+        self.reported += [(m.param_id, m.param_value) for m in messages]
 
     def set(self, name: str, value: float) -> None:
         """By a station, through the server."""
@@ -76,7 +76,7 @@ def test_from_the_start_all_that_follows_from_the_values_stands() -> None:
 def test_a_change_by_the_module_itself_is_in_force_at_once_and_sent_to_every_station() -> None:
     scene = Scene()
     scene.settings.assign("TEL_BUDGET", 5000.0)
-    assert scene.said == [("TEL_BUDGET", 5000.0)]
+    assert scene.reported == [("TEL_BUDGET", 5000.0)]
     assert scene.outbox.telemetry_bytes_per_s == 5000.0
     assert scene.settings.values["TEL_BUDGET"] == 5000.0
 
@@ -87,8 +87,8 @@ def test_a_staged_move_that_is_dropped_is_sent_to_every_station() -> None:
     scene.set("TGL_X", 0.25)
     assert scene.settings.server.line.staged == {"TGL_X": 0.25}
     scene.settings.drop_staged()
-    assert ("TGL_X", 0.0) in scene.said
-    assert dict(scene.said)["TGL_STAGE"] == 2.0  # which is: dropped
+    assert ("TGL_X", 0.0) in scene.reported
+    assert dict(scene.reported)["TGL_STAGE"] == 2.0  # which is: dropped
     assert scene.settings.values["TGL_STAGE"] == 2.0
 
 
@@ -141,16 +141,16 @@ def test_what_overrides_a_refusal_acts_once() -> None:
     scene = Scene()
     scene.settings.assign("OP_FORCE", 1.0)
     assert scene.settings.values["OP_FORCE"] == 1.0  # engaging uses it up, and nothing else
-    scene.said.clear()
+    scene.reported.clear()
     scene.settings.assign("OP_ENGAGE", 1.0)
-    assert scene.said == [("OP_ENGAGE", 1.0), ("OP_FORCE", 0.0)]
+    assert scene.reported == [("OP_ENGAGE", 1.0), ("OP_FORCE", 0.0)]
     assert scene.settings.values["OP_FORCE"] == 0.0
 
 
 def test_engaging_without_an_override_says_nothing_of_it() -> None:
     scene = Scene()
     scene.settings.assign("OP_ENGAGE", 1.0)
-    assert scene.said == [("OP_ENGAGE", 1.0)]
+    assert scene.reported == [("OP_ENGAGE", 1.0)]
 
 
 def test_engaged_already_an_override_waits_for_what_it_was_set_for() -> None:

@@ -192,12 +192,14 @@ def test_the_conversation_has_the_site_s_sources_in_their_order() -> None:
 
 def test_a_pose_is_forwarded_as_the_site_says() -> None:
     assert forwarding_of(None) is None
-    told = forwarding_of(Forward(message="odometry", rate_hz=50.0, sigma_m=0.25, sigma_deg=2.0))
-    assert told is not None
-    assert told._message == "odometry"
-    assert told._interval_s == pytest.approx(0.02)
-    assert told._sigma_m == 0.25
-    assert told._sigma_rad == pytest.approx(radians(2.0))
+    forwarding = forwarding_of(
+        Forward(message="odometry", rate_hz=50.0, sigma_m=0.25, sigma_deg=2.0)
+    )
+    assert forwarding is not None
+    assert forwarding._message == "odometry"
+    assert forwarding._interval_s == pytest.approx(0.02)
+    assert forwarding._sigma_m == 0.25
+    assert forwarding._sigma_rad == pytest.approx(radians(2.0))
     usual = forwarding_of(Forward())
     assert usual is not None
     assert isnan(usual._sigma_m)

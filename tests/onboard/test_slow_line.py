@@ -153,10 +153,10 @@ def test_it_is_reported_in_words(wire: Wire) -> None:
     flight.run(1.0)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(4.0)
-    said = "".join(texts(wire.frames()))
-    assert "link too slow" in said
-    assert "raise its baud rate" in said
-    assert said.count("link too slow") == 1
+    reported = "".join(texts(wire.frames()))
+    assert "link too slow" in reported
+    assert "raise its baud rate" in reported
+    assert reported.count("link too slow") == 1
 
 
 def test_the_last_words_of_a_process_begin_with_the_release(wire: Wire) -> None:

@@ -54,5 +54,5 @@ def test_a_full_disk_is_said_in_a_line() -> None:
         words = [sys.executable, "-m", "tgl_soar.cli", "polar", "show"]
         done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
     assert done.returncode == 2
-    said = done.stderr.decode().splitlines()
-    assert said == ["error: No space left on device: what was being written is not whole"]
+    lines = done.stderr.decode().splitlines()
+    assert lines == ["error: No space left on device: what was being written is not whole"]

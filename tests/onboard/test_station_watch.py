@@ -32,18 +32,20 @@ def engage(flight: Flight, loss: float) -> None:
     flight.set("OP_ENGAGE", 1.0)
     beat(flight, seconds=2 * LIMIT_S)
     assert flight.mode_now in FLYING
-    flight.said()
+    flight.outbound()
 
 
 def test_set_to_stay_it_says_so_once_and_flies_on(flight: Flight) -> None:
     engage(flight, 0.0)
     flight.run(3 * LIMIT_S)
-    said = texts(flight.said())
+    reported = texts(flight.outbound())
     # Not "on the line": it may be on its way home.
-    assert [t for t in said if "no ground station" in t] == ["no ground station for 3 s: flying on"]
+    assert [t for t in reported if "no ground station" in t] == [
+        "no ground station for 3 s: flying on"
+    ]
     assert flight.mode_now in FLYING
     beat(flight, seconds=2.0)
-    assert texts(flight.said()).count("a ground station is there again") == 1
+    assert texts(flight.outbound()).count("a ground station is there again") == 1
 
 
 def test_set_to_disengage_it_does_when_the_time_is_over_and_not_before(flight: Flight) -> None:
@@ -53,7 +55,7 @@ def test_set_to_disengage_it_does_when_the_time_is_over_and_not_before(flight: F
     flight.run(0.3)
     assert flight.mode_now in (STANDBY, READY)
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
-    assert "disengaged: no ground station for 3 s" in texts(flight.said())
+    assert "disengaged: no ground station for 3 s" in texts(flight.outbound())
 
 
 def test_without_a_station_it_cannot_be_engaged_then(flight: Flight) -> None:
@@ -62,7 +64,7 @@ def test_without_a_station_it_cannot_be_engaged_then(flight: Flight) -> None:
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.1)
     assert flight.mode_now == READY
-    refusal = "".join(texts(flight.said()))
+    refusal = "".join(texts(flight.outbound()))
     assert "no ground station for 3 s, and OP_GCS_LOSS asks for one" in refusal
     beat(flight, seconds=1.0)
     flight.set("OP_ENGAGE", 1.0)
@@ -73,10 +75,10 @@ def test_without_a_station_it_cannot_be_engaged_then(flight: Flight) -> None:
 def test_where_no_station_was_ever_there_nothing_is_said(flight: Flight) -> None:
     """Engaged by the pilot's switch, say: nobody waits for a station."""
     flight.engaged()
-    flight.said()
+    flight.outbound()
     flight.run(3 * LIMIT_S)
     assert flight.mode_now in FLYING
-    assert not any("ground station" in text for text in texts(flight.said()))
+    assert not any("ground station" in text for text in texts(flight.outbound()))
 
 
 def test_the_autopilots_own_heartbeat_is_no_stations(flight: Flight) -> None:

@@ -85,13 +85,13 @@ class Scene:
         )
         self.now_s = T_S
         self.custom_mode = FBWA
-        self.heard_s = T_S
+        self.received_s = T_S
         self.failsafe = False
         self.pitch_rad = 0.04
 
     def status(self) -> AutopilotStatus:
         return AutopilotStatus(
-            time_s=self.heard_s,
+            time_s=self.received_s,
             accepts_surfaces=self.custom_mode == GUIDED,
             armed=True,
             failsafe=self.failsafe,
@@ -116,13 +116,13 @@ class Scene:
     def hear(self, custom_mode: int, after_s: float = 1.0, *, failsafe: bool = False) -> None:
         """The next heartbeat."""
         self.now_s += after_s
-        self.heard_s, self.custom_mode, self.failsafe = self.now_s, custom_mode, failsafe
+        self.received_s, self.custom_mode, self.failsafe = self.now_s, custom_mode, failsafe
 
 
-def modes(said: list[Any]) -> list[float]:
+def modes(messages: list[Any]) -> list[float]:
     """The modes that were asked for."""
-    assert all(m.command == mavlink.MAV_CMD_DO_SET_MODE for _, m in said)
-    return [m.params[1] for _, m in said]
+    assert all(m.command == mavlink.MAV_CMD_DO_SET_MODE for _, m in messages)
+    return [m.params[1] for _, m in messages]
 
 
 # --- commands -------------------------------------------------------------------------------------
@@ -258,34 +258,34 @@ def test_a_route_that_hands_over_by_silence_does_not_go_round_for_ever() -> None
 def test_on_the_way_out_of_control_the_mode_is_left_given_way_or_the_pilots() -> None:
     class ModeSpy:
         def __init__(self) -> None:
-            self.told: list[Any] = []
+            self.asked: list[Any] = []
             self.is_changing = False
 
         def leave(self, *given: float, failsafe: bool) -> None:
-            self.told.append(("leave", *given, failsafe))
+            self.asked.append(("leave", *given, failsafe))
 
         def give_way(self) -> None:
-            self.told.append("give way")
+            self.asked.append("give way")
 
         def stop(self) -> None:
-            self.told.append("stop")
+            self.asked.append("stop")
 
-    heard_s = T_S - 0.3
-    for mode, failsafe, told in (
-        (GUIDED, False, ("leave", T_S + TICK_S, heard_s, False)),
-        (GUIDED, True, ("leave", T_S + TICK_S, heard_s, True)),
+    received_s = T_S - 0.3
+    for mode, failsafe, words in (
+        (GUIDED, False, ("leave", T_S + TICK_S, received_s, False)),
+        (GUIDED, True, ("leave", T_S + TICK_S, received_s, True)),
         (CIRCLE, True, "give way"),
         (FBWA, False, "stop"),
     ):
         scene, spy = Scene("attitude"), ModeSpy()
         control: Any = scene.control
         control.mode_change = spy
-        scene.heard_s, scene.custom_mode, scene.failsafe = heard_s, mode, failsafe
+        scene.received_s, scene.custom_mode, scene.failsafe = received_s, mode, failsafe
         scene.tick(active=True)
-        assert spy.told == []
+        assert spy.asked == []
         scene.tick(active=False)
         scene.tick(active=False)
-        assert spy.told == [told]
+        assert spy.asked == [words]
 
 
 # --- the mode that obeys --------------------------------------------------------------------------
@@ -368,13 +368,13 @@ def test_a_mode_that_a_failsafe_gives_back_is_left_again_and_said() -> None:
     scene.outbox.take()
     scene.hear(GUIDED)
     scene.change(engage=False)
-    told, *said = scene.outbox.take()
-    assert told == (
+    reported, *requests = scene.outbox.take()
+    assert reported == (
         SEVERITY_WARNING,
         "back in GUIDED after the autopilot's failsafe: asking it to leave",
     )
     route = scene.flavour.route
-    assert modes(said) == [route.mode_to_leave]
+    assert modes(requests) == [route.mode_to_leave]
 
 
 # --- the end, and another clock -------------------------------------------------------------------

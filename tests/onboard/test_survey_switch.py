@@ -64,39 +64,39 @@ def value(flight: Flight, name: str) -> float:
 
 
 def words(flight: Flight) -> list[str]:
-    return [text for text in texts(flight.said()) if "survey" in text]
+    return [text for text in texts(flight.outbound()) if "survey" in text]
 
 
 def test_it_slides_there_and_back_and_says_so() -> None:
     flight = soaring()
     flight.set("SRV_START", 1.0)
-    seen: list[tuple[float, float]] = []
+    shown: list[tuple[float, float]] = []
     for _ in range(60):
         flight.run(1.0)
         assert flight.onboard.output is not None
-        seen.append((value(flight, "SRV_START"), flight.onboard.output.line.x_m))
-        if seen[-1][0] == 0.0:
+        shown.append((value(flight, "SRV_START"), flight.onboard.output.line.x_m))
+        if shown[-1][0] == 0.0:
             break
-    order = list(dict.fromkeys(standing for standing, _ in seen))
+    order = list(dict.fromkeys(standing for standing, _ in shown))
     assert order == [1.0, 2.0, 3.0, 0.0]
-    assert max(x for _, x in seen) == pytest.approx(1.0, abs=0.2)
-    assert min(x for _, x in seen) == pytest.approx(-1.0, abs=0.2)
+    assert max(x for _, x in shown) == pytest.approx(1.0, abs=0.2)
+    assert min(x for _, x in shown) == pytest.approx(-1.0, abs=0.2)
     assert (value(flight, "TGL_X"), value(flight, "TGL_Z")) == (0.0, 0.0)
-    told = words(flight)
-    assert told[0] == "survey: downstream at 0.2 m/s"
-    assert [text.split(":")[1].split(" from")[0] for text in told if " from " in text] == [
+    reported = words(flight)
+    assert reported[0] == "survey: downstream at 0.2 m/s"
+    assert [text.split(":")[1].split(" from")[0] for text in reported if " from " in text] == [
         " upstream",
         " home",
     ]
-    assert "the fence" in "".join(told)
-    assert told[-1] == "survey: done"
+    assert "the fence" in "".join(reported)
+    assert reported[-1] == "survey: done"
     flight.run(2.0)
     assert flight.mode_now == SOARING
 
 
 def test_its_line_is_slow_and_in_the_parameters_that_all_see() -> None:
     flight = soaring(SRV_SPEED=0.1)
-    flight.said()
+    flight.outbound()
     flight.set("SRV_START", 1.0)
     flight.run(8.0)
     before = flight.onboard.output
@@ -105,11 +105,11 @@ def test_its_line_is_slow_and_in_the_parameters_that_all_see() -> None:
     assert before is not None
     assert after is not None
     assert abs(after.line.x_m - before.line.x_m) == pytest.approx(0.2, abs=0.03)
-    said = flight.said()
-    shown = {m.param_id for m in said if m.get_type() == "PARAM_VALUE"}
+    messages = flight.outbound()
+    shown = {m.param_id for m in messages if m.get_type() == "PARAM_VALUE"}
     assert {"TGL_X", "TGL_Z"} <= shown
     assert flight.mode_now == SOARING
-    assert "line moves" not in "".join(texts(said))
+    assert "line moves" not in "".join(texts(messages))
 
 
 def test_a_line_that_an_operator_sends_away_from_a_survey_is_captured_anew() -> None:
@@ -199,11 +199,11 @@ def test_what_cannot_be_surveyed_is_refused(
     changes: dict[str, float], number: float, why: str
 ) -> None:
     flight = soaring(None, **changes)
-    flight.said()
+    flight.outbound()
     flight.set("SRV_START", number)
     flight.run(0.1)
     assert value(flight, "SRV_START") == 0.0
-    assert why in "".join(texts(flight.said()))
+    assert why in "".join(texts(flight.outbound()))
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_a_guard_that_is_taken_away_under_way_ends_it_there(
     flight = soaring()
     flight.set("SRV_START", 1.0)
     flight.run(8.0)
-    flight.said()
+    flight.outbound()
     flight.set(name, without)
     flight.run(0.5)
     output = flight.onboard.output
@@ -228,9 +228,9 @@ def test_a_guard_that_is_taken_away_under_way_ends_it_there(
     assert value(flight, name) == pytest.approx(without)
     assert value(flight, "SRV_START") == 0.0
     assert value(flight, "TGL_X") == pytest.approx(output.line.x_m, abs=0.12)
-    told = "".join(texts(flight.said()))  # in parts of 50 characters
-    assert f"survey ended: {why}" in told
-    assert "the line stays" in told
+    reported = "".join(texts(flight.outbound()))  # in parts of 50 characters
+    assert f"survey ended: {why}" in reported
+    assert "the line stays" in reported
     flight.run(3.0)
     assert flight.mode_now == SOARING
 
@@ -239,11 +239,11 @@ def test_it_begins_only_on_a_line_that_stands_still() -> None:
     flight = Carried(flown=equipped())
     flight.run(1.0)
     for engage in (True, False):  # on the ground, and on the way to the line
-        flight.said()
+        flight.outbound()
         flight.set("SRV_START", 1.0)
         flight.run(0.05)
         assert value(flight, "SRV_START") == 0.0
-        assert "it does not soar on a line that stands still" in "".join(texts(flight.said()))
+        assert "it does not soar on a line that stands still" in "".join(texts(flight.outbound()))
         if engage:
             flight.engaged()
 
@@ -253,11 +253,11 @@ def test_without_a_polar_it_is_refused_and_a_second_one_is() -> None:
     flight.engaged().run(3.0)
     flight.set("SRV_START", 1.0)
     flight.run(0.05)
-    assert "[polar]" in "".join(texts(flight.said()))
+    assert "[polar]" in "".join(texts(flight.outbound()))
     flight = soaring()
     flight.set("SRV_START", 1.0)
     flight.run(1.0)
     flight.set("SRV_START", 1.0)
     flight.run(0.05)
-    assert "a survey is under way" in "".join(texts(flight.said()))
+    assert "a survey is under way" in "".join(texts(flight.outbound()))
     assert value(flight, "SRV_START") == 1.0

@@ -29,7 +29,7 @@ class Bench:
         self.laws: Any = SimpleNamespace(
             wind=SimpleNamespace(aerodynamics=POLAR), line=SimpleNamespace(speed_mps=0.123)
         )
-        self.said: list[tuple[int, str]] = []
+        self.texts: list[tuple[int, str]] = []
         self.moved: list[TargetLine] = []
         self.allowed: set[TargetLine] | None = None  # None: all
         self.fence = ""
@@ -56,7 +56,7 @@ class Bench:
         self.values[name] = value
 
     def tell(self, severity: int, text: str) -> None:
-        self.said.append((severity, text))
+        self.texts.append((severity, text))
 
     def tick(
         self, after_s: float = 0.2, mode: int = modes.SOARING, *, active: bool = True, **line: Any
@@ -76,7 +76,7 @@ class Bench:
 
     def surveys(self) -> Bench:
         self.tick()
-        self.said.clear()
+        self.texts.clear()
         return self
 
     @property
@@ -133,7 +133,7 @@ def test_one_at_a_time(bench: Bench) -> None:
 
 def test_it_begins_with_the_speed_of_its_line(bench: Bench) -> None:
     bench.tick()
-    assert bench.said == [(SEVERITY_INFO, "survey: downstream at 0.12 m/s")]
+    assert bench.texts == [(SEVERITY_INFO, "survey: downstream at 0.12 m/s")]
     assert bench.looks == 0
 
 
@@ -164,7 +164,7 @@ def test_without_one_nothing_is_looked_at(bench: Bench) -> None:
     for _ in range(3):
         bench.tick()
     bench.tick(active=False)
-    assert (bench.looks, bench.said, bench.moved) == (0, [], [])
+    assert (bench.looks, bench.texts, bench.moved) == (0, [], [])
 
 
 # --- words of its way ---------------------------------------------------------------------------
@@ -185,29 +185,29 @@ def test_a_turn_is_said_and_shown(
     bench.changes = {"standing": standing, "reason": reason}
     bench.tick()
     why = survey.SURVEY_TEXTS[reason]
-    assert bench.said == [(severity, f"survey: {way} from x 4.44, z 5.55 m: {why}")]
+    assert bench.texts == [(severity, f"survey: {way} from x 4.44, z 5.55 m: {why}")]
     assert bench.standing == standing
     bench.tick()
-    assert len(bench.said) == 1
+    assert len(bench.texts) == 1
 
 
 def test_every_fifteen_seconds_it_says_where_it_is(bench: Bench) -> None:
     bench.surveys()
     bench.tick(14.9)
-    assert bench.said == []
+    assert bench.texts == []
     bench.tick(0.2)
-    assert bench.said == [(SEVERITY_INFO, "survey: downstream, x 4.44, z 5.55 m")]
+    assert bench.texts == [(SEVERITY_INFO, "survey: downstream, x 4.44, z 5.55 m")]
     bench.tick(14.7)
-    assert len(bench.said) == 1
+    assert len(bench.texts) == 1
     bench.changes = {"standing": survey.UPSTREAM}
     bench.tick(0.2)  # a turn says it too, and the time counts from there
-    assert len(bench.said) == 2
+    assert len(bench.texts) == 2
     bench.tick(14.9)
-    assert len(bench.said) == 2
+    assert len(bench.texts) == 2
     bench.tick(0.2)
-    assert bench.said[2][1].startswith("survey: upstream, ")
+    assert bench.texts[2][1].startswith("survey: upstream, ")
     bench.tick(-100.0)  # another clock
-    assert len(bench.said) == 4
+    assert len(bench.texts) == 4
 
 
 # --- ends ---------------------------------------------------------------------------------------
@@ -226,7 +226,7 @@ def test_home_again_it_is_done_or_was_cut_short(
     bench.surveys()
     bench.changes = {"standing": survey.DONE, "reason": reason}
     bench.tick()
-    assert (bench.said, bench.standing, bench.moved) == ([(severity, words)], 0.0, [])
+    assert (bench.texts, bench.standing, bench.moved) == ([(severity, words)], 0.0, [])
     bench.tick()
     assert bench.looks == 1
 
@@ -268,10 +268,10 @@ def test_the_line_stays_where_it_is_or_as_near_as_it_may(
         text = f"survey ended by RHO_P: the line {stays}"
     assert bench.moved == tried
     severity = SEVERITY_INFO if why in ("operator", "gain") else SEVERITY_WARNING
-    assert bench.said == [(severity, text)]
+    assert bench.texts == [(severity, text)]
     assert bench.standing == 0.0
     bench.switch.taken_back("TGL_X")  # it is over
-    assert len(bench.said) == 1
+    assert len(bench.texts) == 1
 
 
 @pytest.mark.parametrize(
@@ -279,13 +279,13 @@ def test_the_line_stays_where_it_is_or_as_near_as_it_may(
 )
 def test_who_has_said_where_the_line_is_to_be_has_it_there(bench: Bench, name: str) -> None:
     bench.surveys().switch.taken_back(name)
-    assert bench.said == [(SEVERITY_INFO, f"survey ended: {name} was set by hand")]
+    assert bench.texts == [(SEVERITY_INFO, f"survey ended: {name} was set by hand")]
     assert (bench.moved, bench.standing) == ([], 0.0)
 
 
 def test_before_its_first_tick_it_is_taken_back_without_a_line(bench: Bench) -> None:
     bench.switch.taken_back("TGL_SLEW")
-    assert bench.said == [(SEVERITY_INFO, "survey ended: TGL_SLEW was set by hand")]
+    assert bench.texts == [(SEVERITY_INFO, "survey ended: TGL_SLEW was set by hand")]
     assert bench.standing == 0.0
 
 
@@ -294,10 +294,10 @@ def test_a_search_or_the_end_of_control_ends_it(bench: Bench, search: float) -> 
     bench.surveys().values["SRCH_START"] = search
     bench.tick(0.005)
     words = [] if search == 4.0 else [(SEVERITY_WARNING, "survey ended: a search has begun")]
-    assert bench.said == words
+    assert bench.texts == words
     bench.values["SRCH_START"], bench.values["SRV_START"] = 0.0, 1.0
     bench.tick()
-    bench.said.clear()
+    bench.texts.clear()
     bench.tick(0.005, active=False)
-    assert bench.said == [(SEVERITY_WARNING, "survey ended: it does not soar any more")]
+    assert bench.texts == [(SEVERITY_WARNING, "survey ended: it does not soar any more")]
     assert bench.standing == 0.0

@@ -13,11 +13,11 @@ from tgl_soar.onboard.switches import Switches
 pytestmark = pytest.mark.interpreted
 
 
-class Told:
+class NamedSwitches:
     """All switches, each of which answers with its own name."""
 
     def __init__(self, *, active: bool = True) -> None:
-        self.told: list[str] = []
+        self.calls: list[str] = []
         made: Any = Switches.__new__(Switches)
         made._launch_landing = SimpleNamespace(
             refusal=lambda name, value, active: f"launch {name} {value:g} {active}",
@@ -28,13 +28,13 @@ class Told:
         )
         made._survey = SimpleNamespace(
             refusal=lambda value: f"survey {value:g}",
-            taken_back=lambda name: self.told.append(f"survey taken back by {name}"),
+            taken_back=lambda name: self.calls.append(f"survey taken back by {name}"),
             tick=self._ticks("survey"),
         )
         made._search = SimpleNamespace(
             refusal=lambda: "search",
-            taken_back=lambda: self.told.append("search taken back"),
-            act_was_set=lambda: self.told.append("act"),
+            taken_back=lambda: self.calls.append("search taken back"),
+            act_was_set=lambda: self.calls.append("act"),
             tick=self._ticks("search"),
         )
         made._excitation = SimpleNamespace(tick=self._ticks("excitation"))
@@ -42,7 +42,7 @@ class Told:
         self.switches: Switches = made
 
     def _ticks(self, name: str) -> Any:
-        return lambda given: self.told.append(f"{name} {given}")
+        return lambda given: self.calls.append(f"{name} {given}")
 
 
 @pytest.mark.parametrize(
@@ -62,23 +62,23 @@ class Told:
     ],
 )
 def test_each_parameter_is_its_own_switchs_to_refuse(name: str, value: float, answer: str) -> None:
-    assert Told().switches.refusal(name, value) == answer
+    assert NamedSwitches().switches.refusal(name, value) == answer
 
 
 def test_a_launch_is_refused_by_whether_the_last_tick_was_active() -> None:
-    told = Told(active=False)
-    assert told.switches.refusal("LNC_START", 1.0) == "launch LNC_START 1 False"
+    switches = NamedSwitches(active=False)
+    assert switches.switches.refusal("LNC_START", 1.0) == "launch LNC_START 1 False"
     output: Any = SimpleNamespace(active=True, excitation="multisine")
-    told.switches.tick(output)
-    assert told.switches.refusal("LNC_START", 1.0) == "launch LNC_START 1 True"
-    assert told.told == [
+    switches.switches.tick(output)
+    assert switches.switches.refusal("LNC_START", 1.0) == "launch LNC_START 1 True"
+    assert switches.calls == [
         "excitation multisine",
         *(f"{name} {output}" for name in ("search", "survey", "launch", "firmware")),
     ]
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "calls"),
     [
         ("FC_ACT", ["act"]),
         ("TGL_X", ["search taken back", "survey taken back by TGL_X"]),
@@ -88,8 +88,8 @@ def test_a_launch_is_refused_by_whether_the_last_tick_was_active() -> None:
     ],
 )
 def test_a_line_that_is_set_is_taken_back_from_search_and_survey(
-    name: str, told: list[str]
+    name: str, calls: list[str]
 ) -> None:
-    scene = Told()
+    scene = NamedSwitches()
     scene.switches.was_set(name)
-    assert scene.told == told
+    assert scene.calls == calls

@@ -224,15 +224,15 @@ def test_what_goes_out_and_how_often() -> None:
     makers = [flow.build for flow in flows]
     assert [make(0) for make in makers[:5]] == [None] * 5  # before the first tick
     panel.look(OUTPUT, 2.5, LOSS, ROUND_TRIP_S)
-    said: list[Any] = [make(0) for make in makers]
-    assert (said[0].name, said[0].value) == ("e_rho", OUTPUT.line.e_rho_m)
-    assert (said[1].name, said[1].value) == ("climb", OUTPUT.vehicle.climb_mps)
-    assert said[2:5] == [
+    messages: list[Any] = [make(0) for make in makers]
+    assert (messages[0].name, messages[0].value) == ("e_rho", OUTPUT.line.e_rho_m)
+    assert (messages[1].name, messages[1].value) == ("climb", OUTPUT.vehicle.climb_mps)
+    assert messages[2:5] == [
         float_array(OUTPUT, 2.5),
         nav_controller_output(OUTPUT),
         wind_cov(OUTPUT.air, FRAME, 2.5),
     ]
-    assert isinstance(said[5], ComponentMetadata)
-    assert said[5].time_boot_ms == 2500
+    assert isinstance(messages[5], ComponentMetadata)
+    assert messages[5].time_boot_ms == 2500
     entry: Any = makers[1](SLOW.index("entry"))
     assert entry.value == LACKS

@@ -67,13 +67,13 @@ def pump_until_released(module: Module) -> float:
     return module.overrides[-1][0]
 
 
-def pump_until_said(module: Module, *words: str) -> str:
+def pump_until_reported(module: Module, *words: str) -> str:
     """Until one of these has been said; the text that has it."""
     end = time.monotonic() + PATIENCE_S
-    while not (said := [text for text in module.texts if any(word in text for word in words)]):
+    while not (reported := [text for text in module.texts if any(word in text for word in words)]):
         assert time.monotonic() < end, module.texts
         module.pump()
-    return said[0]
+    return reported[0]
 
 
 def test_a_killed_process_is_released_and_its_successor_waits_to_be_asked(module: Module) -> None:
@@ -81,8 +81,8 @@ def test_a_killed_process_is_released_and_its_successor_waits_to_be_asked(module
     first = child_of(module)
     os.kill(first, signal.SIGKILL)
     pump_until_released(module)
-    pump_until_said(module, "surfaces released: module was killed by SIGKILL"[:50])
-    pump_until_said(module, "restarted: the flying process was killed by SIGKIL")
+    pump_until_reported(module, "surfaces released: module was killed by SIGKILL"[:50])
+    pump_until_reported(module, "restarted: the flying process was killed by SIGKIL")
     assert child_of(module) != first
     given_back = len(module.overrides)
     for _ in range(100):
@@ -97,7 +97,7 @@ def test_a_hanging_process_is_killed_and_released(module: Module) -> None:
     module.engage()
     os.kill(child_of(module), signal.SIGSTOP)
     pump_until_released(module)
-    pump_until_said(module, "restarted: the flying process stood still for")
+    pump_until_reported(module, "restarted: the flying process stood still for")
 
 
 def test_a_process_that_stands_still_while_it_does_not_fly_is_left_alone(module: Module) -> None:
@@ -116,7 +116,7 @@ def test_an_orphan_disengages_and_ends(module: Module) -> None:
     child = child_of(module)
     module.process.kill()
     pump_until_released(module)
-    pump_until_said(module, "tgl_soar stopped")
+    pump_until_reported(module, "tgl_soar stopped")
     end = time.monotonic() + PATIENCE_S
     while Path(f"/proc/{child}/stat").exists():
         state = Path(f"/proc/{child}/stat").read_text().rsplit(")", 1)[1].split()[0]
@@ -164,7 +164,7 @@ def _signalled(module: Module, number: int) -> str:
         with suppress(ProcessLookupError):  # the first has passed it on, and the second has ended
             os.kill(pid, number)
     pump_until_released(module)
-    return pump_until_said(module, "tgl_soar stopped", "module stood still for")
+    return pump_until_reported(module, "tgl_soar stopped", "module stood still for")
 
 
 @pytest.mark.parametrize("corrupt", [Path.unlink, lambda path: path.chmod(0o644)])
@@ -180,7 +180,7 @@ def test_the_guard_needs_no_key_file_to_give_the_surfaces_back(
         corrupt(key_file)
         os.kill(child_of(module), signal.SIGKILL)
         pump_until_released(module)
-        pump_until_said(module, "surfaces released: module was killed by SIGKILL"[:50])
+        pump_until_reported(module, "surfaces released: module was killed by SIGKILL"[:50])
     finally:
         module.close()
 
@@ -412,22 +412,22 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
 def test_systemd_is_told_four_times_in_its_interval_and_no_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told: list[str] = []
-    monkeypatch.setattr(watchdog, "_tell_systemd", told.append)
+    notified: list[str] = []
+    monkeypatch.setattr(watchdog, "_tell_systemd", notified.append)
     monkeypatch.setenv("WATCHDOG_USEC", "2000000")
     feeding = watchdog._Watchdog()
     times = []
     for tick in range(101):  # 50 a second, for two
-        before = len(told)
+        before = len(notified)
         feeding.feed(10.0 + 0.02 * tick)
-        times += [0.02 * tick] * (len(told) - before)
-    assert told == ["READY=1"] + ["WATCHDOG=1"] * 5
+        times += [0.02 * tick] * (len(notified) - before)
+    assert notified == ["READY=1"] + ["WATCHDOG=1"] * 5
     assert times == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.5, 2.0], abs=0.021)
     monkeypatch.delenv("WATCHDOG_USEC")
     without = watchdog._Watchdog()
     for now_s in (0.0, 1.0, 100.0):
         without.feed(now_s)
-    assert told[6:] == ["READY=1"]
+    assert notified[6:] == ["READY=1"]
 
 
 def test_at_no_moment_does_the_page_say_that_nothing_is_commanded() -> None:
@@ -438,18 +438,18 @@ def test_at_no_moment_does_the_page_say_that_nothing_is_commanded() -> None:
     if pid == 0:
         while True:
             page.show(True, peer=("192.168.1.17", 14550))
-    seen: dict[int, Sign] = {}
+    signs: dict[int, Sign] = {}
     try:
         end = time.monotonic() + PATIENCE_S
-        while len(seen) < 500:  # one in twenty was torn, where the page was cleared first
+        while len(signs) < 500:  # one in twenty was torn, where the page was cleared first
             assert time.monotonic() < end
             sign = page.read()
-            seen[sign.rounds] = sign
+            signs[sign.rounds] = sign
             time.sleep(0.0001)
     finally:
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
-    assert all(sign.has_surfaces and sign.host == "192.168.1.17" for sign in seen.values())
+    assert all(sign.has_surfaces and sign.host == "192.168.1.17" for sign in signs.values())
 
 
 class Pilot:

@@ -281,17 +281,17 @@ def test_while_it_watches_signals_do_nothing_or_are_waited_for_and_afterwards_ar
     live: Live,
 ) -> None:
     world = live(LASTS)
-    seen: list[tuple[list[Any], set[signal.Signals]]] = []
+    blocked: list[tuple[list[Any], set[signal.Signals]]] = []
 
     def look() -> None:
         handlers = [signal.getsignal(number) for number in NOTHING]
-        seen.append((handlers, signal.pthread_sigmask(signal.SIG_BLOCK, ())))  # type: ignore[arg-type]
+        blocked.append((handlers, signal.pthread_sigmask(signal.SIG_BLOCK, ())))  # type: ignore[arg-type]
 
     look()
     world.at_start = look
     world.watch()
     look()
-    before, during, after = seen
+    before, during, after = blocked
     assert before[0] != during[0]
     assert during[0] == [signal.SIG_IGN] * len(NOTHING)
     assert during[1] >= WAITED_FOR
@@ -339,14 +339,14 @@ def test_a_child_ends_with_its_code_and_is_ended_with_its_parent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     fork = Fork(monkeypatch)
-    told: list[str] = []
+    ends: list[str] = []
 
     def child(_page: ProcessHeartbeat, became: str) -> int:
-        told.append(became)
+        ends.append(became)
         return 7
 
     assert fork.code(child, "was killed") == 7
-    assert told == ["was killed"]
+    assert ends == ["was killed"]
     pr_set_pdeathsig = 1  # linux/prctl.h
     assert fork.asked == [(pr_set_pdeathsig, signal.SIGTERM)]
     assert fork.unblocked == [(signal.SIG_UNBLOCK, WAITED_FOR)]
@@ -380,7 +380,7 @@ def test_a_child_whose_parent_died_meanwhile_does_not_fly(monkeypatch: pytest.Mo
 # --- systemd --------------------------------------------------------------------------------------
 
 
-def heard(listening: socket.socket) -> list[str]:
+def received(listening: socket.socket) -> list[str]:
     words = []
     listening.setblocking(False)
     while True:
@@ -404,7 +404,7 @@ def test_systemd_is_told_that_it_is_up_while_it_goes_round_and_that_it_ends(
         world.watch()
         # Four times in its interval of 4 s, while the loop goes round: after 0, 1, 2 s.
         fed = ["WATCHDOG=1"] * 3
-        assert heard(listening) == ["READY=1", *fed, "STOPPING=1"]
+        assert received(listening) == ["READY=1", *fed, "STOPPING=1"]
 
 
 def test_an_address_where_nobody_listens_and_none_at_all_hold_nothing_up(

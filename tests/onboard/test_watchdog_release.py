@@ -59,7 +59,7 @@ class Link:
         self.frames.append(frame)
         self.sent_s.append(self.now_s)
         if self.leaves and frame[7:10] == bytes((76, 0, 0)):  # COMMAND_LONG
-            self.mode = int(self.said()[-1].param2)
+            self.mode = int(self.outbound()[-1].param2)
         return True
 
     def receive(self, now_s: float) -> list[bytes]:
@@ -79,7 +79,7 @@ class Link:
     def close(self) -> None:
         self.done.append("closed")
 
-    def said(self, kind: str = "") -> list[Any]:
+    def outbound(self, kind: str = "") -> list[Any]:
         reader = mavlink.MAVLink(None)
         messages = [reader.decode(bytearray(frame)) for frame in self.frames]
         return [m for m in messages if not kind or m.get_type() == kind]
@@ -131,7 +131,7 @@ def guided() -> ModuleSetup:
 
 def test_the_channels_are_given_back_a_few_times_and_then_it_is_said(scene: Scene) -> None:
     scene.hand_over()
-    *releases, words = scene.link.said()
+    *releases, words = scene.link.outbound()
     assert len(releases) == RELEASE_FRAMES
     for message in releases:
         assert (message.chan1_raw, message.chan2_raw, message.chan4_raw) == (0, 0, 0)
@@ -272,9 +272,9 @@ def test_only_the_autopilot_on_the_first_link_may_be_excused_from_signing(
 def test_its_mode_is_left_after_the_surfaces_were_released(scene: Scene) -> None:
     scene.link.mode = GUIDED
     scene.hand_over(flown=guided())
-    kinds = [m.get_type() for m in scene.link.said()]
+    kinds = [m.get_type() for m in scene.link.outbound()]
     assert kinds[-2:] == ["HEARTBEAT", "COMMAND_LONG"]  # heard first, for a peer may be a new one
-    (asked,) = scene.link.said("COMMAND_LONG")
+    (asked,) = scene.link.outbound("COMMAND_LONG")
     route = guided().flavour.route
     assert (asked.command, asked.param2) == (mavlink.MAV_CMD_DO_SET_MODE, route.mode_to_leave)
     assert scene.link.mode == route.mode_to_leave
@@ -283,19 +283,19 @@ def test_its_mode_is_left_after_the_surfaces_were_released(scene: Scene) -> None
 def test_a_mode_that_the_pilot_has_chosen_stays(scene: Scene) -> None:
     scene.link.mode = FBWA
     scene.hand_over(flown=guided())
-    assert not scene.link.said("COMMAND_LONG")
+    assert not scene.link.outbound("COMMAND_LONG")
 
 
 def test_a_route_without_a_mode_of_its_own_asks_and_waits_for_none(scene: Scene) -> None:
     scene.link.mode = GUIDED
     scene.hand_over()
-    assert {m.get_type() for m in scene.link.said()} == {"RC_CHANNELS_OVERRIDE", "STATUSTEXT"}
+    assert {m.get_type() for m in scene.link.outbound()} == {"RC_CHANNELS_OVERRIDE", "STATUSTEXT"}
 
 
 def test_a_mode_that_is_not_left_is_said(scene: Scene) -> None:
     scene.link.mode, scene.link.leaves = GUIDED, False
     scene.hand_over(flown=guided())
-    words = scene.link.said("STATUSTEXT")
+    words = scene.link.outbound("STATUSTEXT")
     assert "".join(m.text for m in words[1:]).startswith("the autopilot does not leave GUIDED")
     assert {m.severity for m in words} == {mavlink.MAV_SEVERITY_CRITICAL}
 
@@ -305,7 +305,7 @@ def test_an_autopilot_that_is_silent_is_waited_for_so_long_as_the_watchdog_may(
 ) -> None:
     began_s = scene.link.now_s
     scene.hand_over(flown=guided())
-    assert not scene.link.said("COMMAND_LONG")
+    assert not scene.link.outbound("COMMAND_LONG")
     assert scene.link.now_s - began_s == pytest.approx(PATIENCE_S + 0.1, abs=0.05)
     assert PATIENCE_S < ENDING_S
 
@@ -320,7 +320,7 @@ def test_a_heartbeat_of_another_asks_for_nothing(scene: Scene, what: str) -> Non
     if what == "another firmware":
         scene.link.kind = (mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_PX4)
     scene.hand_over(flown=guided())
-    assert not scene.link.said("COMMAND_LONG")
+    assert not scene.link.outbound("COMMAND_LONG")
 
 
 @pytest.mark.parametrize("excused", [True, False])
@@ -330,4 +330,4 @@ def test_with_a_key_an_unsigned_autopilot_counts_if_that_was_asked_for(
     scene.link.mode = GUIDED
     options = OPTIONS._replace(secret=Secret(None, excused))
     scene.hand_over(SIGN._replace(key=KEY), options, guided())
-    assert bool(scene.link.said("COMMAND_LONG")) is excused
+    assert bool(scene.link.outbound("COMMAND_LONG")) is excused

@@ -160,9 +160,9 @@ def test_mavlogdump_prints_the_wire(path: Path) -> None:
         check=False,
     )
     assert dumped.returncode == 0, dumped.stderr
-    said = [line for line in dumped.stdout.splitlines() if ": PARAM_SET {" in line]
-    assert ["OP_ENGAGE" in said[0], "TGL_X" in said[1]] == [True, True]
-    assert len(said) == 2
+    lines = [line for line in dumped.stdout.splitlines() if ": PARAM_SET {" in line]
+    assert ["OP_ENGAGE" in lines[0], "TGL_X" in lines[1]] == [True, True]
+    assert len(lines) == 2
 
 
 def test_a_key_on_the_wire_is_not_written_down(tmp_path: Path) -> None:
@@ -389,7 +389,7 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
             received += 1
             flight.onboard.event(frame, flight.world.time_s, link)
     flight.onboard.stop()
-    said = recorder.stop()
+    reported = recorder.stop()
     assert offered * len(frame) > 4_000_000
     assert received * len(frame) > 1_000_000  # several times what the log takes of it
     assert {path.name[-13:-4] for path in logs_in(tmp_path)} >= {"flight001", "flight002"}
@@ -399,7 +399,7 @@ def test_a_flood_of_what_is_refused_costs_no_earlier_flight(
     assert 0 <= refused.taken - wire.count(frame) <= 2  # the operator's own, where they must sign
     assert refused.taken + refused.left_out <= received + 2
     assert flight.console.count("a flood of frames: the .tlog holds only some of them") == 1
-    assert any(f"{refused.left_out} of them refused or of strangers" in words for words in said)
+    assert any(f"{refused.left_out} of them refused or of strangers" in words for words in reported)
     last = read_log(logs_in(tmp_path)[-1]).words[-1].text
     assert last.startswith(
         f"wire: {recorder.allowance.left_out} frames are not in the .tlog so far, "
@@ -475,8 +475,8 @@ def test_what_was_deleted_is_reported(tmp_path: Path) -> None:
     recorder.start()
     flight = LoggedFlight(recorder)
     flight.run(0.2)
-    said = [*flight.console, *recorder.stop()]
-    assert "no room: 2 log files of flights 1 to 2 deleted" in said
+    reported = [*flight.console, *recorder.stop()]
+    assert "no room: 2 log files of flights 1 to 2 deleted" in reported
 
 
 def test_names_tell_day_and_flight_or_count_where_no_day_is_known(tmp_path: Path) -> None:
@@ -590,8 +590,8 @@ def test_a_disk_that_does_not_answer_holds_up_nothing(
     while not recorder._free.plenty and time.monotonic() < end:
         time.sleep(0.01)
     flight.run(0.5)
-    said = recorder.stop()
-    assert any("records are missing" in text for text in said)
+    reported = recorder.stop()
+    assert any("records are missing" in text for text in reported)
     log = read_log(logs_in(tmp_path)[0])
     ticks = log.topics["tick"]["tick"]
     assert ticks[-1] == 699

@@ -334,9 +334,9 @@ def test_a_slow_row_holds_the_other_outputs() -> None:
 def test_a_row_of_a_state_holds_all_of_it_and_whether_it_was_reset() -> None:
     state = filled(AutopilotState, 5)
     wanted = by_place(TOPICS["state"], state)
-    for afresh in (True, False):
-        found = unpacked("state", afresh, state)
-        assert found.pop("afresh") is afresh
+    for is_reset in (True, False):
+        found = unpacked("state", is_reset, state)
+        assert found.pop("afresh") is is_reset
         assert found == wanted
     assert len(wanted) == sum(1 for _ in leaves_of(AutopilotState))
     columns = [field.name for field in TOPICS["state"].fields]

@@ -192,16 +192,16 @@ def test_what_a_busy_computer_leaves_out_is_a_gap_of_its_length(log: Log) -> Non
     assert len(log.rows("position")) == 2
 
 
-@pytest.mark.parametrize(("gap_s", "said_ms"), [(0.5, 500), (70.0, 0xFFFF), (-0.5, 0)])
+@pytest.mark.parametrize(("gap_s", "lost_ms"), [(0.5, 500), (70.0, 0xFFFF), (-0.5, 0)])
 def test_a_gap_is_said_in_milliseconds_as_far_as_its_field_goes(
-    log: Log, gap_s: float, said_ms: int
+    log: Log, gap_s: float, lost_ms: int
 ) -> None:
     log.begins().tick(8)
     log.recorder.leave_out(5.0, STATE)
     for _ in range(7):
         log.recorder.tick(inputs_at(5.0 + gap_s), OUTPUT, STATE)
     (gap,) = [m for m in log.messages() if m.kind == "O"]
-    assert struct.unpack("<H", gap.body) == (said_ms,)
+    assert struct.unpack("<H", gap.body) == (lost_ms,)
 
 
 def test_a_gap_that_begins_with_the_clock_begins_once(log: Log) -> None:
@@ -263,10 +263,10 @@ def test_of_parameters_what_has_changed_is_written(log: Log) -> None:
 def test_words_have_mavlinks_severity(log: Log, severity: int, level: str) -> None:
     log.begins().tick(1)
     log.recorder.text(severity, "ä" * 5000)
-    (said,) = [m.body for m in log.messages() if m.kind == "L"]
-    assert chr(said[0]) == level
-    assert struct.unpack_from("<Q", said, 1)[0] == pytest.approx(1_005_000, abs=1)
-    assert len(said) == 9 + 8000
+    (body,) = [m.body for m in log.messages() if m.kind == "L"]
+    assert chr(body[0]) == level
+    assert struct.unpack_from("<Q", body, 1)[0] == pytest.approx(1_005_000, abs=1)
+    assert len(body) == 9 + 8000
 
 
 def test_a_report_of_the_link_is_a_row(log: Log) -> None:
@@ -456,23 +456,23 @@ def test_a_flood_is_said_once_and_counted_in_the_log(log: Log) -> None:
     assert log.recorder.poll() == []
     log.recorder.allowance.refused.left_out = 7
 
-    def said() -> list[bytes]:
+    def reported() -> list[bytes]:
         return [m.body for m in log.messages() if m.kind == "L"]
 
     log.tick(8)
     assert log.recorder.poll() == ["a flood of frames: the .tlog holds only some of them"]
-    assert said()[0].endswith(b"of these 0 are")
-    assert chr(said()[0][0]) == "4"
-    assert b"wire: 7 frames" in said()[0]
+    assert reported()[0].endswith(b"of these 0 are")
+    assert chr(reported()[0][0]) == "4"
+    assert b"wire: 7 frames" in reported()[0]
     log.tick(8)
     assert log.recorder.poll() == []  # nothing new
     log.recorder.allowance.refused.left_out = 9
     log.tick(2040 - 8)
     assert log.recorder.poll() == []
-    assert len(said()) == 1
+    assert len(reported()) == 1
     log.tick(8)
     assert log.recorder.poll() == []
-    assert b"wire: 9 frames" in said()[1]
+    assert b"wire: 9 frames" in reported()[1]
 
 
 @pytest.mark.interpreted
