@@ -51,10 +51,10 @@ def test_of_what_is_no_log_nothing_is_made(
 ) -> None:
     log, out = tmp_path / "flight.ulg", tmp_path / "out"
     log.write_bytes(data)
-    code, said = run(command, log, out)
+    code, output = run(command, log, out)
     assert code == 2
-    assert "flight.ulg: " in said
-    assert any(word in said for word in words.split("|"))
+    assert "flight.ulg: " in output
+    assert any(word in output for word in words.split("|"))
     assert not out.exists()
 
 
@@ -84,10 +84,10 @@ def test_what_is_lost_of_ours_is_said_and_the_rest_is_used(
 ) -> None:
     log = tmp_path / "flight.ulg"
     log.write_bytes(bad(ours))
-    code, said = run(command, log, tmp_path)
+    code, output = run(command, log, tmp_path)
     # Nobody glided or threw the elevator in it: there is nothing to fit.
-    assert code == (2 if command in ("polar", "identify") else 1), said
-    assert words in said
+    assert code == (2 if command in ("polar", "identify") else 1), output
+    assert words in output
     made = {
         "replay": "ticks in",
         "report": "flight.html",
@@ -96,31 +96,31 @@ def test_what_is_lost_of_ours_is_said_and_the_rest_is_used(
         "netcdf": "x.nc",
         "mcap": "x.mcap",
     }
-    assert made.get(command, "flight.ulg: ") in said.replace(" ", "") + said
+    assert made.get(command, "flight.ulg: ") in output.replace(" ", "") + output
 
 
 @pytest.mark.parametrize("command", ["polar", "identify", "info", "csv", "netcdf", "mcap"])
 @pytest.mark.parametrize("jump_s", [-3, 7200])
 def test_a_clock_that_jumps_is_said(tmp_path: Path, command: str, jump_s: int) -> None:
     log = flown.px4_log(tmp_path, jump_us=jump_s * 1_000_000)
-    code, said = run(command, log, tmp_path)
-    assert code == (2 if command in ("polar", "identify") else 1), said
-    assert "7200 s without a" in said if jump_s > 0 else "the clock" in said
+    code, output = run(command, log, tmp_path)
+    assert code == (2 if command in ("polar", "identify") else 1), output
+    assert "7200 s without a" in output if jump_s > 0 else "the clock" in output
 
 
 @pytest.mark.parametrize("write", [flown.px4_log, flown.dataflash_log])
 def test_the_log_of_another_autopilot_does_not_replay(
     tmp_path: Path, write: Callable[..., Path]
 ) -> None:
-    code, said = run("replay", write(tmp_path), tmp_path)
+    code, output = run("replay", write(tmp_path), tmp_path)
     assert code == 2
-    assert "not a log of tgl_soar" in said or "not a ULog" in said
+    assert "not a log of tgl_soar" in output or "not a ULog" in output
 
 
 def test_bytes_of_a_wire_that_are_no_frame_are_said_and_the_rest_flies(tmp_path: Path) -> None:
     wire = flown.tlog(tmp_path)
     wire.write_bytes(wire.read_bytes()[: wire.stat().st_size // 10])
-    code, said = run("replay", wire, tmp_path)
+    code, output = run("replay", wire, tmp_path)
     assert code == 1
-    assert "bytes are no frame" in said
-    assert "ticks in" in said
+    assert "bytes are no frame" in output
+    assert "ticks in" in output

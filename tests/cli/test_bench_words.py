@@ -35,8 +35,8 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "console", Console(width=250))
 
 
-def rows(said: str) -> list[list[str]]:
-    found = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+def rows(output: str) -> list[list[str]]:
+    found = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     return [row for row in found if row]
 
 
@@ -59,10 +59,10 @@ def test_a_fault_or_a_person_who_saw_one_is_an_exit_code(
     check: Any = SimpleNamespace(findings=lambda: found)
     assert surfaces._reported(check, wrong) == code
     out, err = capsys.readouterr()
-    told = faults[0] if faults else "as in the file"
+    way = faults[0] if faults else "as in the file"
     assert rows(out) == [
         ["elevator", "1500 us", "1300 us", "1700 us", "as in the file"],
-        ["rudder", "-", "1300 us", "1700 us", told],
+        ["rudder", "-", "1300 us", "1700 us", way],
     ]
     assert ("went the wrong way; it must be: trailing edge up" in err) == bool(wrong)
     assert ("change `reversed` of that surface" in err) == bool(wrong)
@@ -174,7 +174,7 @@ class Spoken:
 
     def __init__(self) -> None:
         self.commanded: list[Any] = []
-        self.said: list[Any] = []
+        self.outbound: list[Any] = []
         self.asked: list[Any] = []
 
     def turn(self, every_second: Any = ()) -> list[str]:
@@ -185,23 +185,23 @@ class Spoken:
         self.commanded.append(message)
 
     def say(self, message: Any) -> None:
-        self.said.append(message)
+        self.outbound.append(message)
 
 
 @pytest.mark.parametrize(("answers", "wrong"), [
     ([True], []), ([False], ["up"]), ([None, None, True], []), ([None, False], ["up"]),
 ])  # fmt: skip
 def test_a_stop_is_held_until_it_is_answered(answers: list[bool | None], wrong: list[str]) -> None:
-    check, spoken, seen = Checked(), Spoken(), list[str]()
+    check, spoken, sights = Checked(), Spoken(), list[str]()
     left = iter(answers)
 
     def look(sight: str) -> bool | None:
-        seen.append(sight)
+        sights.append(sight)
         return next(left)
 
     bench = surfaces._Bench(check, spoken)  # type: ignore[arg-type]
     assert bench.go(look) == wrong
-    assert seen == ["up"] * len(answers)
+    assert sights == ["up"] * len(answers)
     assert check.done
     assert len(spoken.commanded) == 2 * len(answers) + 2  # a stop without a sight asks nobody
     assert set(check.taken) == {"heard"}
@@ -356,14 +356,14 @@ def checked(**more: Any) -> Any:
 def test_what_must_be_changed_is_listed_with_the_way(capsys: Out) -> None:
     part = preflight._reported(checked(), "", show_all=False)
     assert preflight._concluded([part]) == 1
-    said = capsys.readouterr().out
-    assert "Firmware by M in mode: 3 parameters, 1 as needed" in said
-    assert rows(said) == [
+    output = capsys.readouterr().out
+    assert "Firmware by M in mode: 3 parameters, 1 as needed" in output
+    assert rows(output) == [
         ["MUST", "3", "set A_B to 1", "because"],
         ["should", "no answer", "set C_D to 1", "because"],
     ]
-    assert "not ready: change what is shown above in red" in said
-    assert "when the module falls silent: it glides\nthe pilot takes over by: a switch\n" in said
+    assert "not ready: change what is shown above in red" in output
+    assert "when the module falls silent: it glides\nthe pilot takes over by: a switch\n" in output
     preflight._reported(checked(), "", show_all=True)
     assert rows(capsys.readouterr().out)[0] == ["ok", "1", "A_B", "because"]
 
@@ -375,10 +375,10 @@ def test_what_should_be_changed_is_ready_all_the_same(capsys: Out) -> None:
     assert "ready, but some parameters should be changed" in capsys.readouterr().out
     well = preflight._reported(checked(findings=[made.ok], wrong=[]), "", show_all=False)
     assert preflight._concluded([well]) == 0
-    said = capsys.readouterr().out
-    assert "ready\n" in said
-    assert "but" not in said
-    assert rows(said) == []
+    output = capsys.readouterr().out
+    assert "ready\n" in output
+    assert "but" not in output
+    assert rows(output) == []
 
 
 @pytest.mark.parametrize(("more", "too_slow", "words"), [
@@ -392,21 +392,21 @@ def test_a_refusal_or_a_slow_line_is_not_ready(
     some = checked(findings=[made.ok], wrong=[], **more)
     part = preflight._reported(some, too_slow, show_all=False)
     assert preflight._concluded([part]) == 1
-    said = capsys.readouterr().out
-    assert words in said
-    assert "not ready" in said
+    output = capsys.readouterr().out
+    assert words in output
+    assert "not ready" in output
 
 
 def test_a_firmware_without_parameters_is_told(capsys: Out) -> None:
     part = preflight._reported(checked(findings=[], wrong=[]), "", show_all=True)
     assert (part.good, part.doubts) == (True, ("its set-up cannot be read over the link",))
-    said = capsys.readouterr().out
-    assert "its set-up cannot be read over the link: see docs/hardware.md" in said
-    assert "ready" not in said
+    output = capsys.readouterr().out
+    assert "its set-up cannot be read over the link: see docs/hardware.md" in output
+    assert "ready" not in output
     preflight._reported(checked(answers=False), "", show_all=False)
-    said = capsys.readouterr().out
-    assert "no parameter was answered: does the link carry parameters?" in said
-    assert "cannot be read" not in said
+    output = capsys.readouterr().out
+    assert "no parameter was answered: does the link carry parameters?" in output
+    assert "cannot be read" not in output
 
 
 class Asked:
@@ -443,8 +443,8 @@ def read(check: Any, monkeypatch: pytest.MonkeyPatch, timeout_s: float = 10.0) -
 def test_parameters_are_asked_for_once_there_is_a_heartbeat(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert read(Asked(1, 1), monkeypatch).said == ["request"]
-    assert len(read(Asked(5, 8), monkeypatch).said) == 4
+    assert read(Asked(1, 1), monkeypatch).outbound == ["request"]
+    assert len(read(Asked(5, 8), monkeypatch).outbound) == 4
     read(Asked(11, 11), monkeypatch)  # ten seconds are waited for it
     with pytest.raises(LinkError, match="no heartbeat of autopilot 1 within 10 s: check the link"):
         read(Asked(12, 12), monkeypatch)

@@ -67,8 +67,8 @@ def test_a_pipe_is_told_how_far_it_is_every_half_minute(capsys: pytest.CaptureFi
     for seconds, done in ((0.0, 1), (29.9, 50), (30.0, 60), (59.0, 90), (60.1, 120)):
         now[0] = 100.0 + seconds
         lines.show(done, 1000, 2.0, 0.5 * (1000 - done))
-    told = capsys.readouterr().err.splitlines()
-    assert told == [
+    reported = capsys.readouterr().err.splitlines()
+    assert reported == [
         "faults: 60 of 1000 flights, 2 a second, 8 min left",
         "faults: 120 of 1000 flights, 2 a second, 7 min left",
     ]

@@ -46,8 +46,8 @@ def test_it_is_made_where_it_is_not_there_or_wanted_again(
     monkeypatch.setattr("tgl_soar.onboard.native.is_made", lambda: is_made)
     monkeypatch.setattr(compiling, "make", made.append)
     before = signal.getsignal(signal.SIGTERM)
-    code, said = run(*(["--again"] if again else []))
-    assert (code, said) == (0, f"ready: {native.folder()}\n")
+    code, output = run(*(["--again"] if again else []))
+    assert (code, output) == (0, f"ready: {native.folder()}\n")
     assert len(made) == makes
     assert signal.getsignal(signal.SIGTERM) == before
     assert native.folder().parent == base
@@ -67,8 +67,8 @@ def test_what_hinders_it_is_told(
 
     monkeypatch.setattr("tgl_soar.onboard.native.is_made", lambda: False)
     monkeypatch.setattr(compiling, "make", fails)
-    code, said = run()
-    assert (code, words in said) == (1, True), said
+    code, output = run()
+    assert (code, words in output) == (1, True), output
 
 
 def test_removed_is_all_of_it_and_nothing_else(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,17 +123,17 @@ def test_what_was_checked_is_kept_in_the_place_of_what_was(
         assert stale.exists()
         assert made.stat().st_mode & 0o777 == 0o700
 
-    said: list[str] = []
+    lines: list[str] = []
     monkeypatch.setattr("tgl_soar.onboard.native.others", lambda: [stale])
     monkeypatch.setattr(compiling, "_compile", lambda _work: None)
     monkeypatch.setattr(compiling, "_collect", collected)
     monkeypatch.setattr(compiling, "_check", check)
-    compiling.make(said.append)
+    compiling.make(lines.append)
     assert len(checked) == 1
     assert [path.name for path in kept.iterdir()] == ["code"]
     assert sorted(path.name for path in base.iterdir()) == sorted([kept.name, "native.lock"])
-    assert said[0].startswith(f"compiling {len(native.MODULES)} modules")
-    assert said[1].startswith("flying the source and the native code of it")
+    assert lines[0].startswith(f"compiling {len(native.MODULES)} modules")
+    assert lines[1].startswith("flying the source and the native code of it")
 
 
 def test_what_fails_its_check_changes_nothing(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,9 +200,9 @@ def test_a_copy_of_what_flies_is_compiled(
     )
     monkeypatch.setattr(Compiler, "code", code)
     if code:
-        with pytest.raises(compiling.CompileError) as told:
+        with pytest.raises(compiling.CompileError) as refused:
             compiling._compile(tmp_path)
-        lines = str(told.value).splitlines()
+        lines = str(refused.value).splitlines()
         assert lines[:20] == [f"line {i}" for i in range(10, 30)]
         assert lines[20].startswith("it could not be compiled; a C compiler and Python's headers")
     else:

@@ -55,7 +55,7 @@ class Line:
     def close(self) -> None:
         self.open = False
 
-    def heard(self) -> list[Received]:
+    def messages(self) -> list[Received]:
         """What has been sent since the last time."""
         decoder = Decoder(stream=True)
         sent, self.sent = self.sent, []
@@ -106,8 +106,8 @@ def talking(line: Line, clock: Clock) -> Iterator[Conversation]:
         yield talking
 
 
-def kinds(heard: list[Received]) -> list[tuple[Source, str]]:
-    return [(received.source, type(received.message).__name__) for received in heard]
+def kinds(messages: list[Received]) -> list[tuple[Source, str]]:
+    return [(received.source, type(received.message).__name__) for received in messages]
 
 
 def test_a_heartbeat_goes_out_at_once_and_once_a_second_and_what_belongs_to_it(
@@ -117,13 +117,13 @@ def test_a_heartbeat_goes_out_at_once_and_once_a_second_and_what_belongs_to_it(
     for now_s, count in ((100.0, 2), (100.5, 0), (100.99, 0), (101.0, 2), (101.5, 0), (103.0, 2)):
         clock.now_s = now_s
         assert talking.turn(beside) == []
-        heard = line.heard()
-        assert kinds(heard) == [(MODULE, "Heartbeat")] * count, now_s
+        messages = line.messages()
+        assert kinds(messages) == [(MODULE, "Heartbeat")] * count, now_s
     talking.turn()
-    assert line.heard() == []
+    assert line.messages() == []
     clock.now_s = 104.0
     talking.turn()
-    ((_, beat),) = line.heard()
+    ((_, beat),) = line.messages()
     # An onboard controller, no autopilot, active: of MAVLink's own numbers.
     assert beat == Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
 
@@ -133,9 +133,9 @@ def test_the_autopilot_is_heard_and_nobody_else(talking: Conversation, line: Lin
     others = (Source(SYSTEM, 2), Source(SYSTEM + 1, 1), MODULE, Source(255, 190))
     line.coming = [Encoder(source).encode(OTHER) for source in others]
     line.coming.insert(2, Encoder(AUTOPILOT).encode(ALIVE))
-    (heard,) = talking.turn()
-    assert isinstance(heard, Heartbeat)
-    assert (heard.autopilot, heard.custom_mode) == (3, 0)
+    (message,) = talking.turn()
+    assert isinstance(message, Heartbeat)
+    assert (message.autopilot, message.custom_mode) == (3, 0)
     assert talking.turn() == []
 
 
@@ -180,10 +180,10 @@ def test_it_speaks_as_the_module_and_commands_as_whom_the_route_obeys(
         talking.command(OTHER)
         assert line.open
     assert not line.open
-    said, commanded = line.heard()
-    assert said.source == Source(7, 99)
+    beat, commanded = line.messages()
+    assert beat.source == Source(7, 99)
     assert commanded.source == Source(commands_as, 99)
-    assert [received.message.custom_mode for received in (said, commanded)] == [0, 7]
+    assert [received.message.custom_mode for received in (beat, commanded)] == [0, 7]
 
 
 def test_with_a_key_what_goes_out_is_signed(line: Line, tmp_path: Path) -> None:

@@ -33,8 +33,8 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "console", Console(width=200))
 
 
-def rows(said: str) -> list[list[str]]:
-    found = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+def rows(output: str) -> list[list[str]]:
+    found = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     return [row for row in found if row]
 
 
@@ -66,13 +66,13 @@ def tuned() -> Any:
 
 def test_gains_stand_beside_those_before(capsys: Out) -> None:
     tune._print(tuned())
-    said = capsys.readouterr().out
-    found = [line.split() for line in said.splitlines() if line.strip().startswith("fixes  ")]
+    output = capsys.readouterr().out
+    found = [line.split() for line in output.splitlines() if line.strip().startswith("fixes  ")]
     assert found == [
         ["fixes", "before", "0.41", "5.12", "cm", "0.123", "0.12", "7", "of", "50", "3"],
         ["fixes", "after", "0.56", "3.12", "cm", "0.234", "0.46", "2", "of", "50", "0"],
     ]
-    assert "fixes at 3 %: up 9 of 10, before 8; e_rho 3.45 cm, before 4.56 cm" in said
+    assert "fixes at 3 %: up 9 of 10, before 8; e_rho 3.45 cm, before 4.56 cm" in output
 
 
 def test_a_task_is_what_the_options_ask_for() -> None:
@@ -119,17 +119,17 @@ def test_what_was_identified_stands_beside_the_file(
     )  # fmt: skip
     gliding: Any = SimpleNamespace(written={"CD0": estimate("CD0", 0.5)}, words="by six glides")
     identify._print(found, gliding, {"Cm_q": -7.5, "CD0": 0.0563, "CL_brake": brake})
-    said = capsys.readouterr().out
-    assert "4 manoeuvres fitted, 2 held out; at 8.57 m/s" in said
-    lines = [" ".join(line.split()) for line in said.splitlines()]
+    output = capsys.readouterr().out
+    assert "4 manoeuvres fitted, 2 held out; at 8.57 m/s" in output
+    lines = [" ".join(line.split()) for line in output.splitlines()]
     assert "short period, undamped 11.5 rad/s 5.75 … 23" in lines
     assert "short period, damping 0.75 0.375 … 1.5" in lines
     assert "pitch acceleration of full elevator 31 15.5 … 62" in lines
     assert "servo: delay and lag together 0.03 0.015 … 0.06" in lines
     assert "CD0 0.5 0.25 … 0.75 0.0563" in lines
-    assert "by six glides" in said
-    assert ("brake: it was not moved" in said) == bool(brake)
-    assert (words in said) if words else "explains" not in said
+    assert "by six glides" in output
+    assert ("brake: it was not moved" in output) == bool(brake)
+    assert (words in output) if words else "explains" not in output
     assert identify.EXPLAINED_MIN == 0.8
     assert identify.WORDS["delay"] == "servo: delay alone"
 
@@ -148,9 +148,9 @@ def test_the_open_loop_at_each_tone(capsys: Out, monkeypatch: pytest.MonkeyPatch
         "tgl_soar.analysis.loop_response.open_loop_discs", lambda _response: (loop, radius)
     )
     Console(width=200).print(log._tones_of(response))
-    said = capsys.readouterr().out
-    assert "broken at the elevator, 4 periods of 5 s" in said
-    found = rows(said)
+    output = capsys.readouterr().out
+    assert "broken at the elevator, 4 periods of 5 s" in output
+    found = rows(output)
     assert len(found) == count
     tones = TONES_RADPS.tolist()
     assert found[0] == [f"{tones[0]:.2f}", "6.0", "90", "25 %", "0.99"]
@@ -164,8 +164,8 @@ def test_the_open_loop_at_each_tone(capsys: Out, monkeypatch: pytest.MonkeyPatch
     (("log", "export", "a.ulg", "--to", "xls"), "--to xls: must be csv, netcdf, mcap"),
 ])  # fmt: skip
 def test_what_is_no_log_or_no_format_is_refused(words: tuple[str, ...], reported: str) -> None:
-    code, said = run(*words)
-    assert (code, reported in said) == (2, True), said
+    code, output = run(*words)
+    assert (code, reported in output) == (2, True), output
 
 
 @pytest.mark.parametrize("losses", [[], ["12 bytes"]])
@@ -180,18 +180,18 @@ def test_a_log_is_told_topic_by_topic(
         words=[SimpleNamespace(time_s=1.23456, text="ready [x]")],
     )  # fmt: skip
     monkeypatch.setattr(log, "read_log", lambda _path: made)
-    code, said = run("log", "info", path)
+    code, output = run("log", "info", path)
     assert code == bool(losses)
-    assert said.index("a: 1 [x]") < said.index("b: 2")
-    assert "10.0 s, 2.50 MB, 2 changes" in said
-    assert rows(said) == [["tick", "2000", "200.0 Hz"], ["slow", "15", "1.5 Hz"]]
-    assert "     1.235 s  ready [x]" in said
-    assert ("a.ulg: 12 bytes" in said) == bool(losses)
+    assert output.index("a: 1 [x]") < output.index("b: 2")
+    assert "10.0 s, 2.50 MB, 2 changes" in output
+    assert rows(output) == [["tick", "2000", "200.0 Hz"], ["slow", "15", "1.5 Hz"]]
+    assert "     1.235 s  ready [x]" in output
+    assert ("a.ulg: 12 bytes" in output) == bool(losses)
     made.duration_s = 0.0
     assert rows(run("log", "info", path)[1])[0] == ["tick", "2000", "–"]
     made.topics = {"tick": {"timestamp": []}}
-    code, said = run("log", "info", path)
-    assert (code, "no row of any topic is in it" in said) == (2, True)
+    code, output = run("log", "info", path)
+    assert (code, "no row of any topic is in it" in output) == (2, True)
 
 
 # --- a rare loss -------------------------------------------------------------------------------
@@ -215,13 +215,17 @@ def test_a_ladder_is_summed_rung_by_rung(capsys: Out, monkeypatch: pytest.Monkey
     monkeypatch.setattr(rare, "pooled_causes", lambda _climbed: causes)
     found = RareEstimate(probability=0.002, low=0.001, high=0.004, trajectories=1234)
     rare._print(process, ladders, found, 20.0)
-    said = capsys.readouterr().out
-    assert rows(said) == [["0.500", "200", "80", "0.400"], ["0.250", "50", "10", "0.200"]]
-    assert "ladders: 0.001, 0.003" in said
-    assert "lost within 20 s: 0.002, 0.001 to 0.004 at 95 %; a minute: 0.006; by 1234 traj" in said
-    assert "Kramers, below: 0.6 a minute (-0.50 m along the line, a rim of the air)" in said
-    assert "Kramers, above: 1.2 a minute (+0.75 m along the line, cut off by ground, fence" in said
-    assert " 75.00 %  it sank (3 losses)" in said
+    output = capsys.readouterr().out
+    assert rows(output) == [["0.500", "200", "80", "0.400"], ["0.250", "50", "10", "0.200"]]
+    assert "ladders: 0.001, 0.003" in output
+    assert (
+        "lost within 20 s: 0.002, 0.001 to 0.004 at 95 %; a minute: 0.006; by 1234 traj" in output
+    )
+    assert "Kramers, below: 0.6 a minute (-0.50 m along the line, a rim of the air)" in output
+    assert (
+        "Kramers, above: 1.2 a minute (+0.75 m along the line, cut off by ground, fence" in output
+    )
+    assert " 75.00 %  it sank (3 losses)" in output
 
 
 def test_the_last_seconds_of_a_loss_are_in_four_digits() -> None:
@@ -285,10 +289,10 @@ def test_foxglove_stacks_equal_panels() -> None:
         assert plot["showYAxisLabels"]
         assert all(path["enabled"] for path in plot["paths"])
     assert layout["playbackConfig"] == {"speed": 1}
-    part, share, heights = layout["layout"], 1.0, []
+    part, rest, heights = layout["layout"], 1.0, []
     while isinstance(part, dict):
         assert part["direction"] == "column"
-        heights.append(share * part["splitPercentage"] / 100.0)
-        share -= heights[-1]
+        heights.append(rest * part["splitPercentage"] / 100.0)
+        rest -= heights[-1]
         part = part["second"]
-    assert [*heights, share] == pytest.approx([1.0 / 7.0] * 7)
+    assert [*heights, rest] == pytest.approx([1.0 / 7.0] * 7)

@@ -45,27 +45,27 @@ def test_a_glide_is_of_the_shipped_airframe_in_calm_air_without_pitot_or_brake(
     asked: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, said = run("glide")
-    assert code == 0, said
+    code, output = run("glide")
+    assert code == 0, output
     plane = load_airframe(SHIPPED)
     assert asked == [
         (plane.airframe.name, {"seed": 1, "turbulence": 0.0, "pitot": False, "brakes": (0.0,)})
     ]
-    assert said.splitlines()[-1] == (
+    assert output.splitlines()[-1] == (
         f"the wind was {glide_test.wind_of(plane):g} m/s from north, the same everywhere"
     )
     (log,) = tmp_path.glob("out/glide/**/*.ulg")
-    assert str(log.name) in said
+    assert str(log.name) in output
 
 
 def test_each_option_is_what_is_flown_by_and_the_log_has_the_airframe_and_the_seed(
     asked: list[Any], tmp_path: Path
 ) -> None:
-    code, said = run(
+    code, output = run(
         *("glide", "--airframe", BRAKED, "--seed", 7, "--turbulence", 0.05, "--pitot"),
         *("--brake", 0.5, "--brake", 1, "--out", tmp_path),
     )
-    assert code == 0, said
+    assert code == 0, output
     ((name, given),) = asked
     assert name == load_airframe(BRAKED).airframe.name
     assert given == {"seed": 7, "turbulence": 0.05, "pitot": True, "brakes": (0.5, 1.0)}
@@ -92,8 +92,8 @@ def test_each_option_is_what_is_flown_by_and_the_log_has_the_airframe_and_the_se
 def test_what_cannot_be_glided_is_refused_and_leaves_no_log(
     words: tuple[str, ...], reported: str, asked: list[Any], tmp_path: Path
 ) -> None:
-    code, said = run("glide", *words, "--out", tmp_path / "out")
-    assert (code, reported in said) == (2, True), said
+    code, output = run("glide", *words, "--out", tmp_path / "out")
+    assert (code, reported in output) == (2, True), output
     assert asked == []
     assert not (tmp_path / "out").exists()
 
@@ -107,18 +107,18 @@ def test_a_brake_goes_from_none_to_all(brake: str, asked: list[Any], tmp_path: P
 def test_a_folder_that_is_none_is_an_error(asked: list[Any], tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.touch()
-    code, said = run("glide", "--out", blocked)
+    code, output = run("glide", "--out", blocked)
     assert (code, len(asked)) == (2, 1)
-    assert f"error: --out {blocked}: no log could be written" in said
+    assert f"error: --out {blocked}: no log could be written" in output
 
 
 # --- the manual ---------------------------------------------------------------------------------
 
 
 def test_all_pages_are_listed_by_name_with_their_paths_and_titles() -> None:
-    code, said = run("docs")
+    code, output = run("docs")
     assert code == 0
-    rows = [line.split("  ", 1) for line in said.splitlines()]
+    rows = [line.split("  ", 1) for line in output.splitlines()]
     assert [path for path, _ in rows] == [str(path) for path in sorted(manual().glob("*.md"))]
     titles = {Path(path).stem: title for path, title in rows}
     assert titles["mutants"] == "Mutants"
@@ -128,12 +128,12 @@ def test_all_pages_are_listed_by_name_with_their_paths_and_titles() -> None:
 @pytest.mark.parametrize("name", ["mutants", "mutants.md"])
 def test_a_page_is_printed_as_it_is(name: str) -> None:
     """Brackets are no markup, long lines are not broken."""
-    code, said = run("docs", name)
-    assert (code, said) == (0, (manual() / "mutants.md").read_text(encoding="utf-8"))
+    code, output = run("docs", name)
+    assert (code, output) == (0, (manual() / "mutants.md").read_text(encoding="utf-8"))
 
 
 def test_a_page_that_is_none_is_named_beside_those_that_are() -> None:
-    code, said = run("docs", "mutant")
+    code, output = run("docs", "mutant")
     assert code == 2
     names = ", ".join(path.stem for path in sorted(manual().glob("*.md")))
-    assert f"error: no page mutant: there are {names}" in said
+    assert f"error: no page mutant: there are {names}" in output

@@ -47,22 +47,22 @@ def run(*arguments: object) -> tuple[int, str]:
 
 def test_a_polar_from_a_log(glide_log: Path, tmp_path: Path) -> None:
     figure = tmp_path / "polar.png"
-    code, said = run(
+    code, output = run(
         "polar", "fit", glide_log, "--wind", WIND_MPS, "--compare", AIRFRAME, "--out", figure
     )
-    assert code == 0, said
-    assert "steady glides" in said
-    assert "[polar]" in said
+    assert code == 0, output
+    assert "steady glides" in output
+    assert "[polar]" in output
     assert figure.stat().st_size > 10_000
 
 
 def test_an_airframe_file_from_a_log(glide_log: Path, tmp_path: Path) -> None:
     new, figure = tmp_path / "new.toml", tmp_path / "doublets.svg"
-    code, said = run(
+    code, output = run(
         "identify", glide_log, "--wind", WIND_MPS, "--airframe", AIRFRAME, "-o", new,
         "--figure", figure,
     )  # fmt: skip
-    assert code == 0, said
+    assert code == 0, output
     before, after = load_airframe(AIRFRAME).model, load_airframe(new).model
     assert after["Cm_elevator"] == pytest.approx(before["Cm_elevator"], rel=0.1)
     assert after["servo_delay_s"] == pytest.approx(0.0, abs=0.005)
@@ -83,15 +83,15 @@ def test_an_airframe_file_from_a_log(glide_log: Path, tmp_path: Path) -> None:
 
 def test_the_file_that_it_is_compared_with_is_not_overwritten(glide_log: Path) -> None:
     before = AIRFRAME.read_bytes()
-    code, said = run("identify", glide_log, "--airframe", AIRFRAME, "-o", AIRFRAME)
+    code, output = run("identify", glide_log, "--airframe", AIRFRAME, "-o", AIRFRAME)
     assert (code, AIRFRAME.read_bytes()) == (2, before)
-    assert "another name" in said.replace("\n", " ")
+    assert "another name" in output.replace("\n", " ")
 
 
 def test_a_figure_that_cannot_be_written_is_a_plain_error(glide_log: Path) -> None:
-    code, said = run("polar", "fit", glide_log, "--wind", WIND_MPS, "--out", "/proc/none/p.png")
+    code, output = run("polar", "fit", glide_log, "--wind", WIND_MPS, "--out", "/proc/none/p.png")
     assert code == 2
-    assert "no figure: /proc/none/p.png" in said.replace("\n", " ")
+    assert "no figure: /proc/none/p.png" in output.replace("\n", " ")
 
 
 def test_what_the_airframe_file_lacks_is_not_blamed_on_the_log(
@@ -100,18 +100,18 @@ def test_what_the_airframe_file_lacks_is_not_blamed_on_the_log(
     lacking = tmp_path / "lacking.toml"
     text = AIRFRAME.read_text(encoding="utf-8")
     lacking.write_text(text.replace("servo_lag_radps = 54.0", ""), encoding="utf-8")
-    code, said = run("identify", glide_log, "--airframe", lacking)
+    code, output = run("identify", glide_log, "--airframe", lacking)
     assert code == 2
-    assert str(lacking) in said.replace("\n", "")
-    assert "servo_lag_radps" in said
+    assert str(lacking) in output.replace("\n", "")
+    assert "servo_lag_radps" in output
 
 
 def test_a_simulated_glide_leaves_a_log_that_both_take(tmp_path: Path) -> None:
-    code, said = run("glide", "--out", tmp_path, "--seed", 3)
-    assert code == 0, said
+    code, output = run("glide", "--out", tmp_path, "--seed", 3)
+    assert code == 0, output
     (log,) = tmp_path.rglob("*.ulg")
-    code, said = run("polar", "fit", log, "--wind", WIND_MPS)
-    assert code == 0, said
+    code, output = run("polar", "fit", log, "--wind", WIND_MPS)
+    assert code == 0, output
     blocked = tmp_path / "file"
     blocked.touch()
     assert run("glide", "--out", blocked)[0] == 2
@@ -127,25 +127,25 @@ def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_reported(
     while end < 0.72 * len(data):
         end += 3 + int.from_bytes(data[end : end + 2], "little")
     cut.write_bytes(data[: end + 5])  # in the midst of a message: between two nothing would be lost
-    code, said = run("polar", "fit", cut, "--wind", WIND_MPS)
-    assert code == 0, said
-    assert "lost: cut off" in said
-    assert "[polar]" in said
-    code, said = run("identify", cut, "--wind", WIND_MPS)
+    code, output = run("polar", "fit", cut, "--wind", WIND_MPS)
+    assert code == 0, output
+    assert "lost: cut off" in output
+    assert "[polar]" in output
+    code, output = run("identify", cut, "--wind", WIND_MPS)
     assert code == 2
-    assert "lost: cut off" in said
-    assert "manoeuvres found, 4 are needed" in said.replace("\n", " ")
+    assert "lost: cut off" in output
+    assert "manoeuvres found, 4 are needed" in output.replace("\n", " ")
 
 
 def test_mistakes_are_said(glide_log: Path, tmp_path: Path) -> None:
-    code, said = run("identify", tmp_path / "none.ulg")
+    code, output = run("identify", tmp_path / "none.ulg")
     assert code == 2
-    assert "none.ulg" in said
+    assert "none.ulg" in output
     empty = tmp_path / "empty.ulg"
     empty.touch()
-    code, said = run("polar", "fit", empty)
+    code, output = run("polar", "fit", empty)
     assert code == 2
-    assert "empty" in said
-    code, said = run("polar", "fit", glide_log)  # without the wind it glided backwards
+    assert "empty" in output
+    code, output = run("polar", "fit", glide_log)  # without the wind it glided backwards
     assert code == 2
-    assert str(glide_log) in said.replace("\n", "")
+    assert str(glide_log) in output.replace("\n", "")

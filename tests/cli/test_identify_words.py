@@ -29,10 +29,10 @@ def test_a_file_that_cannot_be_written_ends_the_command(
     with pytest.raises(typer.Exit) as ended:
         module._write(out, AIRFRAME, found, found)
     assert ended.value.exit_code == 2
-    out_said, err_said = capsys.readouterr()
-    assert out_said == ""
-    said = " ".join(err_said.split())
-    assert "new.toml: cannot be written: No such file or directory" in said
+    printed, errors = capsys.readouterr()
+    assert printed == ""
+    output = " ".join(errors.split())
+    assert "new.toml: cannot be written: No such file or directory" in output
 
 
 def test_a_file_that_is_written_is_named(

@@ -55,8 +55,8 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "console", Console(width=200))
 
 
-def rows(said: str) -> list[list[str]]:
-    found = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+def rows(output: str) -> list[list[str]]:
+    found = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     return [row for row in found if row]
 
 
@@ -115,8 +115,8 @@ def test_who_waits_for_a_first_flight_is_told_why(
     monkeypatch.setattr(batch_options, "LINE_S", 0.02)
     with flight_bar("rare") as bar:
         fly_all(take_long, [Slow(0.3)], InLine(), on_progress=lambda shown: bar.show(*shown))
-    told = capsys.readouterr().err.splitlines()
-    assert told.count(f"rare: 0 of 1 flights; {COMPILES}") > 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines.count(f"rare: 0 of 1 flights; {COMPILES}") > 2
     time.sleep(0.1)
     assert capsys.readouterr().err == ""
 
@@ -203,9 +203,9 @@ def test_a_folder_that_is_flown_again_says_what_was_damaged(tmp_path: Path, caps
     with pytest.raises(typer.Exit) as ended:
         batch_options.fly_folder(folder, None)  # type: ignore[arg-type]
     assert ended.value.exit_code == 130
-    said = capsys.readouterr().err
-    assert "stopped: 3 of 4 flights are kept; --resume goes on" in said
-    assert "damaged" not in said
+    output = capsys.readouterr().err
+    assert "stopped: 3 of 4 flights are kept; --resume goes on" in output
+    assert "damaged" not in output
 
 
 # --- faults ------------------------------------------------------------------------------------
@@ -225,10 +225,10 @@ def counted(troubles: list[Any] | None = None) -> Counted:
 
 def test_what_became_of_the_flights_of_each_fault(capsys: Out) -> None:
     campaign._print(counted())
-    said = capsys.readouterr().out
-    assert rows(said) == [["position.dropout", "10", "8", "·", "2", "·", "low (2), late (1)"]]
+    output = capsys.readouterr().out
+    assert rows(output) == [["position.dropout", "10", "8", "·", "2", "·", "low (2), late (1)"]]
     low, high = wilson(190, 200)
-    words = " ".join(said.split())
+    words = " ".join(output.split())
     assert "f at 5 %, imu: 190 of 200 survived," in words
     assert f"{100 * low:.1f} to {100 * high:.1f} % at 95 %" in words
 
@@ -260,12 +260,12 @@ def test_a_flight_that_was_lost_is_an_exit_code(
     monkeypatch.setattr(
         "tgl_soar.analysis.campaigns.drawn_faults.count", lambda _folder: counted(troubles)
     )
-    found, said = run("campaign", "faults", "--flights", 5, "--dropouts", 0, "--out", tmp_path)
+    found, output = run("campaign", "faults", "--flights", 5, "--dropouts", 0, "--out", tmp_path)
     assert found == code
-    assert "5 flights in 0 s; every one of them in" in said
+    assert "5 flights in 0 s; every one of them in" in output
     assert Flown.asked[2] == {"resume": False, "restart": False}
     if code:
-        assert "2 flights were lost, or had bad commands; first: one" in said
+        assert "2 flights were lost, or had bad commands; first: one" in output
 
 
 @pytest.mark.parametrize(("words", "reported"), [
@@ -277,8 +277,8 @@ def test_faults_that_cannot_be_flown_are_refused(
     words: tuple[str, ...], reported: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(campaign, "fly_folder", lambda *_given, **_named: pytest.fail("flown"))
-    code, said = run("campaign", "faults", *words)
-    assert (code, reported in said) == (2, True), said
+    code, output = run("campaign", "faults", *words)
+    assert (code, reported in output) == (2, True), output
 
 
 # --- a report ----------------------------------------------------------------------------------
@@ -290,19 +290,19 @@ def test_classes_are_counted_and_numbers_averaged(capsys: Out) -> None:
         FlightGroup("high", Counter({"lost": 2})),
     ]  # fmt: skip
     campaign._print_report(Report("row", "result", groups))
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     low, high = wilson(3, 4)
-    found = rows(said)
+    found = rows(output)
     order = [name for name, _ in Counter({"soaring": 3, "lost": 3}).most_common()]
     assert order == ["soaring", "lost"]
     assert found[0] == ["low", "4", "3", "1", f"{100 * low:.3g} to {100 * high:.3g} %"]
     assert found[1][:4] == ["high", "2", "·", "2"]
-    assert "result, by row" in said
+    assert "result, by row" in output
     numbers = FlightGroup("all", numbers=[1.0, 2.0, 3.0, float("nan")])
     campaign._print_report(Report("", "alpha", [numbers]))
-    said = capsys.readouterr().out
-    assert rows(said) == [["all", "4", "1", "2", "0.8165", "1.1", "2", "2.9"]]
-    assert "alpha, by nothing" in said
+    output = capsys.readouterr().out
+    assert rows(output) == [["all", "4", "1", "2", "0.8165", "1.1", "2", "2.9"]]
+    assert "alpha, by nothing" in output
 
 
 def test_two_campaigns_stand_side_by_side(capsys: Out) -> None:
@@ -312,14 +312,14 @@ def test_two_campaigns_stand_side_by_side(capsys: Out) -> None:
     ]
     two = TwoCampaigns(by="", of="result", counted="soaring", rows=pairs, alone=(["x", "y"], []))
     campaign._print_two(two, Path("one"), Path("two"))
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     low, high = wilson(90, 100)
-    found = rows(said)
+    found = rows(output)
     assert found[0][:3] == ["low", "90 of 100", f"{100 * low:.3g} to {100 * high:.3g} %"]
     assert [row[5] for row in found] == ["apart", ""]
-    assert "result soaring, by nothing" in said
-    assert "in one alone: x, y" in said
-    assert "in two alone" not in said
+    assert "result soaring, by nothing" in output
+    assert "in one alone: x, y" in output
+    assert "in two alone" not in output
 
 
 def test_a_campaign_is_named_by_its_folder(tmp_path: Path) -> None:
@@ -353,16 +353,16 @@ def test_hours_are_told_part_by_part(
         return flight
 
     monkeypatch.setattr(campaign, "fly_long", fly)
-    found, said = run("campaign", "long", "--hours", "1.5", "--seed", "4")
+    found, output = run("campaign", "long", "--hours", "1.5", "--seed", "4")
     assert found == code
     assert asked == [(5400.0, 4, None)]
-    assert rows(said) == [
+    assert rows(output) == [
         ["0.500 h", "1.0 MiB", "61 µs", "0.5 s", "12.3 cm"],
         ["1.500 h", "3.0 MiB", "61 µs", "0.5 s", "12.3 cm"],
     ]
-    assert "1,000,000 ticks of 1,000,000; 1 restarts seen, 2 stale and 3 lost frames" in said
-    assert "2048 KiB more memory" in said
-    assert ("ended early: it fell" in said) == bool(code)
+    assert "1,000,000 ticks of 1,000,000; 1 restarts seen, 2 stale and 3 lost frames" in output
+    assert "2048 KiB more memory" in output
+    assert ("ended early: it fell" in output) == bool(code)
 
 
 # --- experiments -------------------------------------------------------------------------------
@@ -377,12 +377,12 @@ def result(name: str = "wind", **more: Any) -> Result:
 
 
 def test_all_are_listed_with_their_titles() -> None:
-    code, said = run("experiment", "list")
+    code, output = run("experiment", "list")
     assert code == 0
-    assert run("experiment")[1] == said
+    assert run("experiment")[1] == output
     for name, title in TITLES.items():
         assert any(
-            line.split()[:1] == [name] and title[:30] in line for line in said.splitlines()
+            line.split()[:1] == [name] and title[:30] in line for line in output.splitlines()
         ), name
 
 
@@ -401,10 +401,10 @@ def test_numbers_are_written_and_what_flew_otherwise_is_printed_too(
     experiment._put_out("wind", result(also={"point mass": also}), tmp_path)
     written = json.loads((tmp_path / "wind.json").read_text(encoding="utf-8"))
     assert written["numbers"] == {"n": 1.5}
-    said = capsys.readouterr().out
-    assert said.index("a title") < said.index("of a point mass")
-    assert "flown [so]" in said
-    assert "  - seed 3: it fell" in said
+    output = capsys.readouterr().out
+    assert output.index("a title") < output.index("of a point mass")
+    assert "flown [so]" in output
+    assert "  - seed 3: it fell" in output
     with pytest.raises(typer.Exit):
         experiment._put_out("wind", result(), tmp_path / "no" / "such")
     assert "wind.json: cannot be written" in capsys.readouterr().err
@@ -424,14 +424,16 @@ def test_a_name_of_several_means_all_that_the_model_can_fly(
         expected = [each for each in expected if each not in RIGID_BODY_ALONE]
         assert len(expected) < len(TOGETHER[name])
     assert found == expected
-    said = capsys.readouterr().err
-    assert (words in said) if words else said == ""
+    output = capsys.readouterr().err
+    assert (words in output) if words else output == ""
 
 
 def test_an_experiment_that_is_none_is_named_beside_those_that_are() -> None:
-    code, said = run("experiment", "windd")
+    code, output = run("experiment", "windd")
     assert code == 2
-    assert f"no experiment named 'windd'; there are {', '.join((*EXPERIMENTS, *TOGETHER))}" in said
+    assert (
+        f"no experiment named 'windd'; there are {', '.join((*EXPERIMENTS, *TOGETHER))}" in output
+    )
 
 
 def test_figures_are_named_or_the_way_to_them(capsys: Out) -> None:

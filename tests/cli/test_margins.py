@@ -96,10 +96,10 @@ def test_accelerometers_that_are_not_used_have_no_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("firmware", "is_told"), [('"px4"\nroute = "attitude"', True), ('"ardupilot"', False)]
+    ("firmware", "is_reported"), [('"px4"\nroute = "attitude"', True), ('"ardupilot"', False)]
 )
 def test_loops_that_rest_on_a_route_are_reported(
-    firmware: str, is_told: bool, tmp_path: Path
+    firmware: str, is_reported: bool, tmp_path: Path
 ) -> None:
     plane = tmp_path / "plane.toml"
     text = AIRFRAME.read_text(encoding="utf-8")
@@ -109,4 +109,4 @@ def test_loops_that_rest_on_a_route_are_reported(
     )
     result = CliRunner().invoke(app, ["margins", *FEW, "--airframe", str(plane)])
     assert result.exit_code == 0, result.output
-    assert ("the firmware's hold the attitude" in result.output) == is_told
+    assert ("the firmware's hold the attitude" in result.output) == is_reported

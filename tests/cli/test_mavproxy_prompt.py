@@ -25,6 +25,6 @@ from tgl_soar.cli.mavproxy_tgl import USAGE, PromptError, TglModule
 )
 def test_the_usage_is_told_for_what_is_no_order(typed: str) -> None:
     module = TglModule.__new__(TglModule)  # without a vehicle: whoever sends finds nobody
-    with pytest.raises(PromptError, match="usage") as told:
+    with pytest.raises(PromptError, match="usage") as refused:
         module._obey(typed.split())
-    assert USAGE in str(told.value)
+    assert USAGE in str(refused.value)

@@ -74,11 +74,11 @@ def station(target: int = 0) -> tuple[MavproxyStation, Master]:
 
 
 def test_only_the_modules_own_words_are_heard() -> None:
-    heard, _ = station()
-    heard.take(message(named("e_rho", 0.5), component=1), 10.0)
-    assert (heard.values, heard.system, heard.silence_s(10.0)) == ({}, 0, inf)
-    heard.take(message(named("e_rho", 0.5), system=7), 10.0)
-    assert (heard.values, heard.system, heard.silence_s(12.5)) == ({"e_rho": 0.5}, 7, 2.5)
+    module, _ = station()
+    module.take(message(named("e_rho", 0.5), component=1), 10.0)
+    assert (module.values, module.system, module.silence_s(10.0)) == ({}, 0, inf)
+    module.take(message(named("e_rho", 0.5), system=7), 10.0)
+    assert (module.values, module.system, module.silence_s(12.5)) == ({"e_rho": 0.5}, 7, 2.5)
     of_one, _ = station(target=3)
     assert of_one.system == 3
     of_one.take(message(named("e_rho", 0.5), system=7), 10.0)
@@ -88,37 +88,37 @@ def test_only_the_modules_own_words_are_heard() -> None:
 
 
 def test_the_heartbeat_holds_the_mode_and_another_start_forgets_all() -> None:
-    heard, _ = station()
-    heard.take(message(beat(5, 11)), 10.0)
-    assert heard.values == {"soar_mode": 11.0}
-    heard.take(message(value_of("TGL_Z", 1.5)), 10.0)
-    heard.take(message(named("climb", 0.5)), 10.0)
-    heard.take(message(beat(5, 4)), 10.0)
-    assert heard.values == {"soar_mode": 4.0, "climb": 0.5}
-    heard.take(message(beat(6, 2)), 10.0)
-    assert heard.values == {"soar_mode": 2.0}
-    assert heard.parameters == {}
+    module, _ = station()
+    module.take(message(beat(5, 11)), 10.0)
+    assert module.values == {"soar_mode": 11.0}
+    module.take(message(value_of("TGL_Z", 1.5)), 10.0)
+    module.take(message(named("climb", 0.5)), 10.0)
+    module.take(message(beat(5, 4)), 10.0)
+    assert module.values == {"soar_mode": 4.0, "climb": 0.5}
+    module.take(message(beat(6, 2)), 10.0)
+    assert module.values == {"soar_mode": 2.0}
+    assert module.parameters == {}
 
 
 def test_names_of_telemetry_and_parameters_are_kept_and_others_are_not() -> None:
-    heard, _ = station()
+    module, _ = station()
     answers: list[StationAnswer] = []
-    heard.on_answer = answers.append
+    module.on_answer = answers.append
     for made in (named("soar_x", 1.0), named("wind", 8.0), named("other", 1.0),
                  value_of("NO_SUCH", 1.0), value_of("RHO_P", 0.5)):  # fmt: skip
-        heard.take(message(made), 10.0)
-    assert heard.values == {"soar_x": 1.0, "wind": 8.0}
-    assert heard.parameters == {"RHO_P": 0.5}
+        module.take(message(made), 10.0)
+    assert module.values == {"soar_x": 1.0, "wind": 8.0}
+    assert module.parameters == {"RHO_P": 0.5}
     assert answers == [StationAnswer(kind="value", name="RHO_P", value=0.5)]
 
 
 @pytest.mark.parametrize(("system", "is_ours"), [(0, True), (255, True), (1, False), (254, False)])
 def test_an_answer_to_another_station_is_not_ours(system: int, is_ours: bool) -> None:
-    heard, _ = station()
+    module, _ = station()
     answers: list[StationAnswer] = []
-    heard.on_answer = answers.append
-    heard.take(message(mavlink.MAVLink_command_ack_message(31010, 4, 0, 0, system, 0)), 10.0)
-    heard.take(message(mavlink.MAVLink_param_error_message(system, 190, b"RHO_P", -1, 3)), 10.0)
+    module.on_answer = answers.append
+    module.take(message(mavlink.MAVLink_command_ack_message(31010, 4, 0, 0, system, 0)), 10.0)
+    module.take(message(mavlink.MAVLink_param_error_message(system, 190, b"RHO_P", -1, 3)), 10.0)
     ours = [
         StationAnswer(kind="ack", command=31010, result=4),
         StationAnswer(kind="error", name="RHO_P"),
@@ -127,10 +127,10 @@ def test_an_answer_to_another_station_is_not_ours(system: int, is_ours: bool) ->
 
 
 def test_what_is_sent_is_for_the_module_of_the_system_that_was_heard() -> None:
-    heard, master = station()
-    heard.take(message(beat(), system=7), 10.0)
-    heard.set("RHO_P", 0.5)
-    heard.command(31010, 2)
+    module, master = station()
+    module.take(message(beat(), system=7), 10.0)
+    module.set("RHO_P", 0.5)
+    module.command(31010, 2)
     assert master.taken() == [
         ("set", 7, 191, b"RHO_P", 0.5, 9),
         ("command", 7, 191, 31010, 2, *[0] * 7),
@@ -138,37 +138,37 @@ def test_what_is_sent_is_for_the_module_of_the_system_that_was_heard() -> None:
 
 
 def test_what_of_the_line_is_not_known_is_asked_for_every_two_seconds() -> None:
-    heard, master = station()
-    heard.fetch(10.0)
+    module, master = station()
+    module.fetch(10.0)
     assert master.taken() == []  # nobody is there
-    heard.take(message(beat()), 10.0)
-    heard.take(message(value_of("TGL_X", 0.5)), 10.0)
-    heard.fetch(10.0)
+    module.take(message(beat()), 10.0)
+    module.take(message(value_of("TGL_X", 0.5)), 10.0)
+    module.fetch(10.0)
     names = (b"TGL_Z", b"TGL_LEAN", b"TGL_STAGE", b"TGL_PRESET")
     assert master.taken() == [("read", 1, 191, name, -1) for name in names]
-    heard.fetch(11.99)
+    module.fetch(11.99)
     assert master.taken() == []
-    heard.fetch(12.0)
+    module.fetch(12.0)
     assert len(master.taken()) == 4
-    heard.fetch(13.01)  # silent for over three seconds
-    heard.fetch(14.5)
+    module.fetch(13.01)  # silent for over three seconds
+    module.fetch(14.5)
     assert master.taken() == []
-    heard.take(message(beat()), 20.0)
-    heard.fetch(23.0)
+    module.take(message(beat()), 20.0)
+    module.fetch(23.0)
     assert len(master.taken()) == 4
 
 
 def test_another_component_is_another_module() -> None:
-    heard, _ = station()
-    heard.take(message(beat()), 10.0)
-    heard.take(message(value_of("TGL_X", 0.5)), 10.0)
-    heard.change_component(77)
-    assert (heard.component, heard.values, heard.parameters) == (77, {}, {})
-    assert heard.silence_s(10.0) == inf
-    heard.take(message(beat()), 10.0)
-    assert heard.values == {}
-    heard.take(message(beat(), component=77), 10.0)
-    assert heard.values == {"soar_mode": 4.0}
+    module, _ = station()
+    module.take(message(beat()), 10.0)
+    module.take(message(value_of("TGL_X", 0.5)), 10.0)
+    module.change_component(77)
+    assert (module.component, module.values, module.parameters) == (77, {}, {})
+    assert module.silence_s(10.0) == inf
+    module.take(message(beat()), 10.0)
+    assert module.values == {}
+    module.take(message(beat(), component=77), 10.0)
+    assert module.values == {"soar_mode": 4.0}
 
 
 # --- the command -------------------------------------------------------------------------------
@@ -367,12 +367,12 @@ def test_a_module_with_another_site_file_is_warned_of_once(
     prompt.module.orders.step(prompt.now_s)
     prompt.hear(value_of("TGL_PRESET", preset))
     prompt.module.idle_task()
-    said = capsys.readouterr().out
-    assert "tgl: line b: confirmed\n" in said
-    assert ("WARNING" in said) == warned
+    output = capsys.readouterr().out
+    assert "tgl: line b: confirmed\n" in output
+    assert ("WARNING" in output) == warned
     if warned:
-        assert f"the module's line is x {x:.2f} m, z {z:.2f} m, and not b of this site" in said
-        assert "x 0.60 m, z 1.60 m: the module was started with another one" in said
+        assert f"the module's line is x {x:.2f} m, z {z:.2f} m, and not b of this site" in output
+        assert "x 0.60 m, z 1.60 m: the module was started with another one" in output
     prompt.module.idle_task()
     assert capsys.readouterr().out == ""
 
@@ -383,9 +383,9 @@ def test_a_refused_preset_is_compared_with_nothing(clock: Made, capsys: Out) -> 
     prompt.type("preset b")
     prompt.hear(mavlink.MAVLink_param_error_message(255, 190, b"TGL_PRESET", -1, 3))
     prompt.module.idle_task()
-    said = capsys.readouterr().out
-    assert "line b: refused by the module" in said
-    assert "WARNING" not in said
+    output = capsys.readouterr().out
+    assert "line b: refused by the module" in output
+    assert "WARNING" not in output
 
 
 def test_the_command_goes_with_the_module(clock: Made) -> None:

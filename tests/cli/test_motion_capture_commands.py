@@ -139,10 +139,10 @@ def test_a_body_that_is_never_seen_is_given_up_ten_seconds_later(
     with pytest.raises(AlignmentError, match="0 poses in 12 s: nothing came"):
         averaged(monkeypatch, feed)
     assert feed.now_s == pytest.approx(112.0, abs=0.05)
-    told = Feed(lambda _frame: None)
-    told.client.notices = [(4, "no body 'a'"), (4, "silent")]
+    watched = Feed(lambda _frame: None)
+    watched.client.notices = [(4, "no body 'a'"), (4, "silent")]
     with pytest.raises(AlignmentError, match="0 poses in 13 s: no body 'a'; silent"):
-        averaged(monkeypatch, told, 3.0)
+        averaged(monkeypatch, watched, 3.0)
 
 
 def test_where_the_server_streams_is_listened(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,9 +176,9 @@ def test_each_point_is_asked_for_and_measured(
         Pair((0.0, 1.0, 2.0), (0.0, 0.0, 0.0)),
         Pair((3.0, 4.0, 5.0), (1.5, 0.0, -1.2)),
     ]
-    said = capsys.readouterr().err
-    assert "2 of 2: put 'glider' at north, east, down 1.5, 0, -1.2 m, leave it there" in said
-    assert "hall 0.0000, 1.0000, 2.0000 m ± 1.2 mm" in said
+    output = capsys.readouterr().err
+    assert "2 of 2: put 'glider' at north, east, down 1.5, 0, -1.2 m, leave it there" in output
+    assert "hall 0.0000, 1.0000, 2.0000 m ± 1.2 mm" in output
     assert feeds[0].closed == 1
 
     def ended() -> str:
@@ -223,9 +223,9 @@ def test_a_table_of_points_is_read_by_its_names(tmp_path: Path) -> None:
 ])  # fmt: skip
 def test_a_cell_that_is_no_number_is_named(row: str, words: str, tmp_path: Path) -> None:
     path = points_file(tmp_path, f"{HEADER}1,2,3,4,5,6\n{row}\n")
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError) as refused:
         align.read_pairs(path)
-    assert f"{path}: {words}: must be a number [m]" in str(told.value)
+    assert f"{path}: {words}: must be a number [m]" in str(refused.value)
 
 
 @pytest.mark.parametrize(("words", "reported"), [
@@ -287,8 +287,8 @@ def test_residuals_are_in_millimetres(capsys: pytest.CaptureFixture[str]) -> Non
              Pair((0.0, 3.0, 0.0), (3.0, 0.0, 0.0))]  # fmt: skip
     found = fit_alignment(pairs, z_up=True, tolerance_m=0.1)
     Console(width=200).print(align._residuals(pairs, found))
-    said = capsys.readouterr().out
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+    output = capsys.readouterr().out
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     rows = [row for row in rows if row]
     assert [row[0] for row in rows] == ["1", "2", "3"]
     assert rows[1][1:3] == ["2.000, 0.000, 0.000", "0.000, 2.004, 0.000"]
@@ -399,8 +399,8 @@ def test_a_row_of_each_body(capsys: pytest.CaptureFixture[str]) -> None:
                         silent_s=0.5)  # fmt: skip
     never = row._replace(tracked=False, tracked_fraction=0.0)
     Console(width=200).print(mocap._table([row, lost, never]))
-    said = capsys.readouterr().out
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+    output = capsys.readouterr().out
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     place = "1.235, 2.000, 3.000 m"
     assert [each for each in rows if each] == [
         ["7", "a[b]", "yes", "100 Hz", "5 ms", "now", place],
@@ -429,9 +429,9 @@ def test_the_server_is_the_options_the_sites_or_whichever_answers() -> None:
     ((None, "", "hall"), "--interface 'hall': must be an IPv4 address"),
 ])  # fmt: skip
 def test_a_server_that_is_none_is_refused(given: Any, words: str) -> None:
-    with pytest.raises(ConfigError) as told:
+    with pytest.raises(ConfigError) as refused:
         mocap._wanted(*given)
-    assert words in str(told.value)
+    assert words in str(refused.value)
 
 
 @pytest.mark.parametrize("joined", [True, False])

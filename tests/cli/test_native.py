@@ -35,7 +35,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "native"
 
 
-def said(code: str) -> str:
+def printed(code: str) -> str:
     """What a fresh interpreter prints."""
     command = [sys.executable, "-c", code]
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
@@ -79,7 +79,7 @@ def test_native_code_passes_the_tests_of_links_and_of_the_flying_process() -> No
 
 
 def test_without_native_code_the_source_flies_and_it_is_said(place: Path) -> None:
-    assert said(USE) == "False|interpreted; `tgl-soar compile` makes it more than twice as fast"
+    assert printed(USE) == "False|interpreted; `tgl-soar compile` makes it more than twice as fast"
     assert not place.exists()
 
 
@@ -103,7 +103,7 @@ CANNOT = "False|interpreted: what was compiled cannot be used: "
 
 def test_native_code_of_another_source_is_not_taken(place: Path) -> None:
     made_at(place / "native-0123456789abcdef")
-    assert said(USE).startswith("False|interpreted (what was compiled is of another version)")
+    assert printed(USE).startswith("False|interpreted (what was compiled is of another version)")
 
 
 def test_only_what_is_ours_is_removed(place: Path) -> None:
@@ -126,7 +126,7 @@ def test_a_damaged_manifest_grounds_nothing(place: Path, manifest: str) -> None:
     (made_at(native.folder()) / native.MANIFEST).write_text(manifest, encoding="utf-8")
     assert place in native.folder().parents
     assert not native.is_made()
-    assert said(USE).startswith(CANNOT)
+    assert printed(USE).startswith(CANNOT)
 
 
 def test_code_that_was_cut_off_on_the_disk_is_never_loaded(place: Path) -> None:
@@ -138,7 +138,7 @@ def test_code_that_was_cut_off_on_the_disk_is_never_loaded(place: Path) -> None:
         whole = file.read_bytes()
         file.write_bytes(whole[:3])
         assert not native.is_made()
-        assert said(USE) == CANNOT + "it is damaged: compile it again"
+        assert printed(USE) == CANNOT + "it is damaged: compile it again"
         file.write_bytes(whole)
     assert native.is_made()
 
@@ -146,7 +146,7 @@ def test_code_that_was_cut_off_on_the_disk_is_never_loaded(place: Path) -> None:
 def test_what_others_may_write_to_is_not_run(place: Path) -> None:
     made_at(native.folder()).chmod(0o777)
     kept = native.folder()
-    assert said(USE) == f"{CANNOT}others may write to {kept}: chmod go-w {kept}"
+    assert printed(USE) == f"{CANNOT}others may write to {kept}: chmod go-w {kept}"
     assert place in kept.parents
 
 
@@ -160,7 +160,7 @@ SOMEBODY: int = 12345  # no user of this computer
 def test_an_old_folder_under_a_new_name_is_not_taken(place: Path) -> None:
     made_at(place / "native-0123456789abcdef", key="0" * 64).rename(native.folder())
     assert not native.is_made()
-    assert said(USE) == f"{CANNOT}it was made of another version of the source: compile it again"
+    assert printed(USE) == f"{CANNOT}it was made of another version of the source: compile it again"
 
 
 @pytest.mark.parametrize("above", [0, 1, 2])
@@ -175,7 +175,7 @@ def test_a_folder_that_others_can_put_another_in_place_of_is_not_run(
     writable = [base, *base.parents][above]
     writable.chmod(0o777)
     assert not native.is_made()
-    assert said(USE) == f"{CANNOT}others may write to {writable}: chmod go-w {writable}"
+    assert printed(USE) == f"{CANNOT}others may write to {writable}: chmod go-w {writable}"
     writable.chmod(0o1777)
     assert native.is_made()
 
@@ -193,7 +193,7 @@ def test_what_belongs_to_another_user_is_not_run(place: Path, what: str) -> None
         "manifest": kept / native.MANIFEST,
     }[what]
     os.chown(theirs, SOMEBODY, -1)
-    assert said(USE) == f"{CANNOT}{theirs} belongs to another user (uid {SOMEBODY})"
+    assert printed(USE) == f"{CANNOT}{theirs} belongs to another user (uid {SOMEBODY})"
 
 
 @as_root
@@ -213,7 +213,7 @@ def test_a_link_is_not_followed(place: Path, what: str) -> None:
     link = kept if what == "folder" else next(kept.rglob(f"*{native.SUFFIX}"))
     link.rename(place / "elsewhere")
     link.symlink_to(place / "elsewhere")
-    assert said(USE) == f"{CANNOT}{link} is a symbolic link"
+    assert printed(USE) == f"{CANNOT}{link} is a symbolic link"
 
 
 def test_a_base_that_is_a_link_to_a_folder_of_ours_will_do(
@@ -232,7 +232,7 @@ def test_a_library_that_others_may_write_to_is_not_run(place: Path) -> None:
     file = next(made_at(native.folder()).rglob(f"*{native.SUFFIX}"))
     file.chmod(0o666)
     assert place in file.parents
-    assert said(USE) == f"{CANNOT}others may write to {file}: chmod go-w {file}"
+    assert printed(USE) == f"{CANNOT}others may write to {file}: chmod go-w {file}"
 
 
 def test_what_was_checked_is_what_is_loaded(place: Path) -> None:
@@ -279,12 +279,12 @@ def test_a_library_says_of_what_source_it_was_made(
         f"from tgl_soar.onboard import native; native.folder = lambda: native.Path({str(kept)!r})\n"
     )
     as_old += "native.source_key = lambda: 'old'\n"
-    flown = said(as_old + USE + "; from tgl_soar.control import pid; print(pid.__file__)")
+    flown = printed(as_old + USE + "; from tgl_soar.control import pid; print(pid.__file__)")
     assert flown.splitlines()[0].startswith("True|native, by mypyc")
     assert flown.splitlines()[1] == str(kept / "tgl_soar/control" / f"pid{native.SUFFIX}")
     manifest = kept / native.MANIFEST
     manifest.write_text(manifest.read_text().replace('"key": "old"', f'"key": "{current}"'))
-    refused = said(USE + "; from tgl_soar.control import pid; print(pid.__file__)").splitlines()
+    refused = printed(USE + "; from tgl_soar.control import pid; print(pid.__file__)").splitlines()
     words = "its code is of another version of the source: compile it again"
     assert refused == [CANNOT + words, str(native.SOURCE / "control/pid.py")]
 
@@ -304,7 +304,7 @@ def test_a_library_that_cannot_be_loaded_grounds_nothing(place: Path) -> None:
     made_at(native.folder())
     assert place in native.folder().parents
     code = USE + "; import tgl_soar.autopilot; print(tgl_soar.autopilot.__file__[-3:])"
-    first, second = said(code).splitlines()
+    first, second = printed(code).splitlines()
     library = native.folder() / f"0123{native.LIBRARY}{native.SUFFIX}"
     assert first.startswith(f"{CANNOT}{library}: ")
     assert second == ".py"
@@ -314,7 +314,9 @@ def test_where_some_of_it_is_imported_already_the_source_flies_on(place: Path) -
     """Else there would be two of each kind of tuple."""
     made_at(native.folder())
     assert place in native.folder().parents
-    assert said("import tgl_soar.types; " + USE) == CANNOT + "tgl_soar.types was imported before it"
+    assert (
+        printed("import tgl_soar.types; " + USE) == CANNOT + "tgl_soar.types was imported before it"
+    )
 
 
 def test_what_did_not_fly_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -387,7 +389,7 @@ def test_an_abbreviated_option_does_not_slip_through(capsys: pytest.CaptureFixtu
 def test_it_is_of_all_that_flies() -> None:
     """A module that flies is compiled, or changes the name under which native code is kept."""
     key = {file.relative_to(native.SOURCE).as_posix() for file in native.sources()}
-    loaded = said(
+    loaded = printed(
         "import sys, tgl_soar.onboard.process; print(*(m.__file__ for n, m in sys.modules.items()"
         " if n.split('.')[0] == 'tgl_soar'))"
     )

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_native import LAWS, passed_by_native_code, said
+from test_native import LAWS, passed_by_native_code, printed
 
 from tgl_soar.cli import compile as compiling
 from tgl_soar.onboard import native
@@ -54,20 +54,20 @@ def test_native_code_does_what_the_source_does(
     assert len(words) == 2
     assert {path.name for path in place.iterdir()} == {native.folder().name, "native.lock"}
 
-    taken = said(
+    taken = printed(
         "from tgl_soar.onboard import native; native.use(); import sys, tgl_soar.onboard.process;"
         "print(*sorted(name for name, module in sys.modules.items()"
         " if name.startswith('tgl_soar.') and module.__file__.endswith('.so')))"
     )
     assert taken.split() == sorted(native.MODULES)
     for options, ending in (([], ".so"), (["--interpreted"], ".py")):
-        flown = said(
+        flown = printed(
             "import sys; from tgl_soar.cli.__main__ import main\n"
             f"sys.argv = ['tgl-soar', 'run', '-h', *{options}]\n"
             "try: main()\nexcept SystemExit: print(sys.modules['tgl_soar.autopilot'].__file__)"
         )
         assert flown.endswith(ending)
 
-    assert said(OF_THE_LINES_IN_C).split() == ["True", "True", "True", "3", "0"]
+    assert printed(OF_THE_LINES_IN_C).split() == ["True", "True", "True", "3", "0"]
 
     passed_by_native_code(LAWS)

@@ -63,9 +63,9 @@ def test_a_file_without_any_of_our_parameters_is_refused(
     command: Command, tmp_path: Path, text: str
 ) -> None:
     (tmp_path / "none.parm").write_text(text)
-    said = command("import", "none.parm", code=2)
-    assert "none.parm: no parameter of this module in it" in said
-    assert "passed over" in said or "1" not in text
+    output = command("import", "none.parm", code=2)
+    assert "none.parm: no parameter of this module in it" in output
+    assert "passed over" in output or "1" not in text
     assert not (tmp_path / "state").exists()
 
 
@@ -92,11 +92,11 @@ def test_a_contour_of_another_airframe_is_named_with_the_way_out(tmp_path: Path)
     own = tmp_path / "own.toml"
     own.write_text(AIRFRAME.read_text().replace('"Eclipson Model C"', '"own"'))
     site = ["--site", str(shipped("sites/hill.toml")), "--state", str(tmp_path)]
-    for file, is_said in ((AIRFRAME, False), (own, True)):
+    for file, is_reported in ((AIRFRAME, False), (own, True)):
         ran = CliRunner().invoke(app, ["params", "show", "--airframe", str(file), *site])
-        said = " ".join(ran.output.split())
-        assert ("no line is checked: the site's contour is of" in said) == is_said
-        assert ("`tgl-soar site contour`" in said) == is_said
+        output = " ".join(ran.output.split())
+        assert ("no line is checked: the site's contour is of" in output) == is_reported
+        assert ("`tgl-soar site contour`" in output) == is_reported
 
 
 def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:

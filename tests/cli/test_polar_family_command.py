@@ -21,9 +21,9 @@ def run(*arguments: object) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
-def drag(said: str) -> float:
-    found = re.search(r"CD_brake = ([\d.]+) ±", said)
-    assert found is not None, said
+def drag(output: str) -> float:
+    found = re.search(r"CD_brake = ([\d.]+) ±", output)
+    assert found is not None, output
     return float(found[1])
 
 
@@ -36,32 +36,32 @@ def test_a_table_with_a_column_of_the_brake(tmp_path: Path) -> None:
     ]
     table = tmp_path / "glides.csv"
     table.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    code, said = run("polar", "fit", table, "--compare", PLANE)
-    assert code == 0, said
+    code, output = run("polar", "fit", table, "--compare", PLANE)
+    assert code == 0, output
     aero = load_airframe(PLANE).aerodynamics()
     made = K * 2.0 * aero.mass_kg * aero.gravity_mps2
     made /= aero.air_density_kgpm3 * aero.wing_area_m2
-    assert drag(said) == pytest.approx(made, rel=0.01)
-    assert "(the file has 0.03)" in said
+    assert drag(output) == pytest.approx(made, rel=0.01)
+    assert "(the file has 0.03)" in output
 
 
 @pytest.mark.long
 def test_a_flight_that_glides_with_and_without_the_brake(tmp_path: Path) -> None:
-    code, said = run(
+    code, output = run(
         "glide", "--airframe", PLANE, "--brake", "0", "--brake", "1", "--out", tmp_path
     )
-    assert code == 0, said
+    assert code == 0, output
     (log,) = tmp_path.rglob("*.ulg")
-    code, said = run("polar", "fit", log, "--wind", WIND_MPS, "--compare", PLANE)
-    assert code == 0, said
+    code, output = run("polar", "fit", log, "--wind", WIND_MPS, "--compare", PLANE)
+    assert code == 0, output
     # The lift that it takes costs induced drag too, and the servos' travel is the brake's: 15 %.
-    assert drag(said) == pytest.approx(0.030, rel=0.15)
+    assert drag(output) == pytest.approx(0.030, rel=0.15)
 
 
 def test_a_brake_that_is_none_is_refused(tmp_path: Path) -> None:
-    code, said = run("glide", "--brake", "1", "--out", tmp_path)
+    code, output = run("glide", "--brake", "1", "--out", tmp_path)
     assert code == 2
-    assert "has no brake" in said
-    code, said = run("glide", "--airframe", PLANE, "--brake", "1.5", "--out", tmp_path)
+    assert "has no brake" in output
+    code, output = run("glide", "--airframe", PLANE, "--brake", "1.5", "--out", tmp_path)
     assert code == 2
-    assert "from 0 to 1" in said
+    assert "from 0 to 1" in output

@@ -42,16 +42,16 @@ def run(*arguments: object) -> tuple[int, str]:
 
 def test_a_fit_says_where_it_sinks_least_and_glides_farthest(tmp_path: Path) -> None:
     """sink / u is least where 0.1 (u² - 8.6²) = 1.3: at 9.325 m/s, u / sink is 6.89 there."""
-    code, said = run("fit", made(tmp_path))
-    assert code == 0, said
-    assert "6 glides at 6 speeds; residual 0.000 m/s, at most 0.000 m/s" in said
-    assert "least sink 1.300 m/s at 8.60 m/s" in said
+    code, output = run("fit", made(tmp_path))
+    assert code == 0, output
+    assert "6 glides at 6 speeds; residual 0.000 m/s, at most 0.000 m/s" in output
+    assert "least sink 1.300 m/s at 8.60 m/s" in output
     best = (8.6**2 + 13.0) ** 0.5
-    assert f"best glide 1 : {best / sink(best):.2f} at {best:.2f} m/s" in said
-    assert "valid from 7.4 to 11.5 m/s, not beyond" in said
-    assert "CD_brake" not in said
+    assert f"best glide 1 : {best / sink(best):.2f} at {best:.2f} m/s" in output
+    assert "valid from 7.4 to 11.5 m/s, not beyond" in output
+    assert "CD_brake" not in output
     rows = [
-        line.split() for line in said.splitlines() if line.strip().startswith(("7.40", "11.50"))
+        line.split() for line in output.splitlines() if line.strip().startswith(("7.40", "11.50"))
     ]
     assert rows[0][:5] == ["7.40", "m/s", "1.444", "1.444", rows[0][4]]
     assert rows[1][2:4] == ["2.141", "2.141"]
@@ -73,8 +73,8 @@ def test_the_printed_table_is_the_polar_of_an_airframe_file() -> None:
 def test_residuals_are_what_was_measured_less_what_was_fitted(tmp_path: Path) -> None:
     rows = [(u, sink(u) + (0.05 if u == 9.4 else 0.0)) for u in SPEEDS]
     path = table(tmp_path, "\n".join(["speed_mps,sink_mps", *(f"{u},{s}" for u, s in rows)]))
-    _, said = run("fit", path)
-    found = [line.replace("m/s", " ").split() for line in said.splitlines() if "…" in line]
+    _, output = run("fit", path)
+    found = [line.replace("m/s", " ").split() for line in output.splitlines() if "…" in line]
     assert len(found) == len(SPEEDS)
     for words in found:
         measured, fitted, residual = (float(word) for word in words[1:4])
@@ -85,10 +85,11 @@ def test_residuals_are_what_was_measured_less_what_was_fitted(tmp_path: Path) ->
 
 
 def test_show_lists_eleven_speeds_from_end_to_end() -> None:
-    code, said = run("show")
+    code, output = run("show")
     assert code == 0
     polar = load_airframe(PLAIN).polar
-    rows = [line.split() for line in said.splitlines() if line.strip().endswith(tuple("0123456789"))
+    lines = output.splitlines()
+    rows = [line.split() for line in lines if line.strip().endswith(tuple("0123456789"))
             and " m/s " in line]  # fmt: skip
     rows = [row for row in rows if len(row) == 7]
     assert len(rows) == 11
@@ -99,7 +100,7 @@ def test_show_lists_eleven_speeds_from_end_to_end() -> None:
         slope = polar.c1 + 2 * polar.c2 * u + 3 * polar.c3 * u * u
         numbers = [float(row[j]) for j in (0, 2, 4, 5, 6)]
         assert numbers == pytest.approx([u, s, u / s, slope, s / u - slope], abs=0.0051)
-    assert f"valid from {low:g} to {high:g} m/s" in said
+    assert f"valid from {low:g} to {high:g} m/s" in output
 
 
 def test_a_best_glide_beyond_the_range_is_not_named(tmp_path: Path) -> None:
@@ -112,10 +113,10 @@ def test_a_best_glide_beyond_the_range_is_not_named(tmp_path: Path) -> None:
         "speed_max_mps = 9.0\n"
     )
     path = table(tmp_path, text[:at] + own + text[end:], "plane.toml")
-    code, said = run("show", "--airframe", path)
-    assert code == 0, said
-    assert "best glide lies outside the range" in said
-    assert "least sink 1.200 m/s at 9.00 m/s" in said
+    code, output = run("show", "--airframe", path)
+    assert code == 0, output
+    assert "best glide lies outside the range" in output
+    assert "least sink 1.200 m/s at 9.00 m/s" in output
 
 
 # --- the file ----------------------------------------------------------------------------------
@@ -137,33 +138,33 @@ def test_columns_are_read_by_their_names_and_the_brake_where_there_is_one(tmp_pa
 ])  # fmt: skip
 def test_a_mistake_in_a_table_is_named_with_its_line(text: str, words: str, tmp_path: Path) -> None:
     path = table(tmp_path, text)
-    with pytest.raises(ValueError, match=r"glides\.csv: ") as told:
+    with pytest.raises(ValueError, match=r"glides\.csv: ") as refused:
         read_glides(path, "speed_mps", "sink_mps")
-    assert words in str(told.value)
-    code, said = run("fit", path)
+    assert words in str(refused.value)
+    code, output = run("fit", path)
     assert code == 2
-    assert said.count(str(path)) == 1
-    assert words in said
+    assert output.count(str(path)) == 1
+    assert words in output
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    code, said = run("fit", tmp_path / "none.csv")
-    assert (code, "none.csv: cannot be read: No such file" in said) == (2, True)
+    code, output = run("fit", tmp_path / "none.csv")
+    assert (code, "none.csv: cannot be read: No such file" in output) == (2, True)
     (tmp_path / "bad.csv").write_bytes(b"\xff\xfe\x00")
-    code, said = run("fit", tmp_path / "bad.csv")
-    assert (code, "bad.csv: not UTF-8 text: save it as CSV in UTF-8" in said) == (2, True)
+    code, output = run("fit", tmp_path / "bad.csv")
+    assert (code, "bad.csv: not UTF-8 text: save it as CSV in UTF-8" in output) == (2, True)
 
 
 def test_one_table_at_a_time(tmp_path: Path) -> None:
     path = made(tmp_path)
     other = tmp_path / "other.csv"
-    code, said = run("fit", path, other)
+    code, output = run("fit", path, other)
     assert code == 2
-    assert f"{other}: one table at a time" in said
+    assert f"{other}: one table at a time" in output
     few = table(tmp_path, "speed_mps,sink_mps\n8,1.5\n", "FEW.CSV")
-    code, said = run("fit", few)
+    code, output = run("fit", few)
     assert code == 2
-    assert f"{few}: " in said
+    assert f"{few}: " in output
 
 
 # --- the brake ---------------------------------------------------------------------------------
@@ -181,30 +182,30 @@ def test_what_the_brake_adds_is_told_with_its_error_and_at_nine_metres_a_second(
     )
     assert words.endswith("With --compare an airframe file its CD_brake follows")
     plane = load_airframe(PLAIN)
-    told = brake_words(family._replace(brake_sink=k, brake_sink_error=1e-5), plane)
+    text = brake_words(family._replace(brake_sink=k, brake_sink_error=1e-5), plane)
     # k V³ is the sink of CD_brake: D V = m g sink, D = rho/2 V² S CD.
     per_sink = 2.0 * 0.699 * 9.80665 / (1.225 * 0.180)
-    assert f"CD_brake = {k * per_sink:.4g} ± {1.96e-5 * per_sink:.1g} (the file has none)" in told
+    assert f"CD_brake = {k * per_sink:.4g} ± {1.96e-5 * per_sink:.1g} (the file has none)" in text
 
 
 def test_glides_at_one_position_of_the_brake_are_no_family(tmp_path: Path) -> None:
     rows = [f"{u},{sink(u):.6f},0.5" for u in SPEEDS]
     path = table(tmp_path, "\n".join(["speed_mps,sink_mps,brake", *rows]))
-    code, said = run("fit", path)
+    code, output = run("fit", path)
     assert code == 0
-    assert "the brake adds" not in said
-    assert "least sink 1.300 m/s at 8.60 m/s" in said
+    assert "the brake adds" not in output
+    assert "least sink 1.300 m/s at 8.60 m/s" in output
 
 
 def test_of_a_family_the_sinks_without_the_brake_are_fitted(tmp_path: Path) -> None:
     k = 4.6e-4
     rows = [f"{u},{sink(u) + k * b * u**3:.6f},{b}" for b in (0.0, 1.0) for u in SPEEDS]
     path = table(tmp_path, "\n".join(["speed_mps,sink_mps,brake", *rows]))
-    code, said = run("fit", path)
+    code, output = run("fit", path)
     assert code == 0
-    assert "12 glides at 6 speeds; residual 0.000 m/s, at most 0.000 m/s" in said
-    assert "least sink 1.300 m/s at 8.60 m/s" in said
-    assert "all of the brake adds 0.00046 ±" in said
+    assert "12 glides at 6 speeds; residual 0.000 m/s, at most 0.000 m/s" in output
+    assert "least sink 1.300 m/s at 8.60 m/s" in output
+    assert "all of the brake adds 0.00046 ±" in output
 
 
 # --- logs --------------------------------------------------------------------------------------
@@ -239,10 +240,10 @@ def test_the_brake_of_a_log_is_read_by_the_airframe_that_is_compared(
     known = surfaces.brake
     assert known is not None
     pulses = {str(known.channel): [known.pwm_min, known.pwm_max]}
-    seen: list[FlightData] = []
+    read: list[FlightData] = []
 
     def glided(flight: FlightData, _wind: object) -> list[object]:
-        seen.append(flight)
+        read.append(flight)
         return []
 
     flown = FlightData("a", "b", outputs=series([0.0, 1.0], "outputs", **pulses))
@@ -250,13 +251,13 @@ def test_the_brake_of_a_log_is_read_by_the_airframe_that_is_compared(
     monkeypatch.setattr(module, "glides", glided)
     logged_glides([Path("a.bin")], MeanWind(0.0, 0.0), surfaces)
     logged_glides([Path("a.bin")], MeanWind(0.0, 0.0))
-    assert seen[0].brake is not None
-    assert sorted(seen[0].brake["brake"]) == [0.0, 1.0]
-    assert seen[1].brake is None
+    assert read[0].brake is not None
+    assert sorted(read[0].brake["brake"]) == [0.0, 1.0]
+    assert read[1].brake is None
 
 
 def test_a_figure_of_no_known_format_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
-    code, said = run("show", "--out", tmp_path / "polar.xyz")
+    code, output = run("show", "--out", tmp_path / "polar.xyz")
     assert code == 2
-    assert "no figure: " in said
+    assert "no figure: " in output

@@ -78,9 +78,9 @@ def test_the_least_margin_of_all_loops_is_reported(
     """Of roll and heading, too, which nothing else refuses."""
     values = load_parameters(PLANE, AIRFRAME, load_site(SITE), SITE).changed(changes)
     assert _margin_reported(PLANE, values) == CheckedPart(is_enough)
-    said = " ".join(capsys.readouterr().out.split())
-    assert said.startswith("least margin of the loops: ")
-    assert words in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert output.startswith("least margin of the loops: ")
+    assert words in output
 
 
 @pytest.mark.parametrize(

@@ -118,8 +118,8 @@ def test_ladders_and_plain_flights_are_rows_too(
     assert sum(row["lost"] for row in batches) == content["plain"]["lost"]
     first = batches[0]["first_seed"]
     assert [row["first_seed"] - first for row in batches] == [0, 150, 300, 450]
-    told = CliRunner().invoke(app, ["campaign", "report", str(tmp_path / "flights/plain")])
-    assert told.exit_code == 0, told.output
+    report = CliRunner().invoke(app, ["campaign", "report", str(tmp_path / "flights/plain")])
+    assert report.exit_code == 0, report.output
     # What the table lacks, the last seconds, is still there to be drawn again.
     assert CliRunner().invoke(app, [*words, "--resume"]).exit_code == 0
     assert json.loads((tmp_path / "rare.json").read_text())["ladders"] == content["ladders"]
@@ -169,14 +169,14 @@ def test_an_earlier_result_is_not_written_over_unasked(tmp_path: Path) -> None:
 def test_neighbouring_seeds_share_no_ladder(tmp_path: Path) -> None:
     """Rungs of 300 passed by one in five scatter by 7, so that two are equal one time in 25: all of
     a ladder, for any of 28 pairs, once in thousands of seeds; the seeds are fixed."""
-    seen: list[object] = []
+    ladders: list[object] = []
     for seed in ("1", "2"):
         words = [*WORDS, "--effort", "300", "--ladders", "4", "--seed", seed]
         done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / seed)])
         assert done.exit_code == 0, done.output
         content = json.loads((tmp_path / seed / "rare.json").read_text())
-        seen += [[rung["passed"] for rung in rungs] for rungs in content["ladders"]]
-    assert all(seen.count(ladder) == 1 for ladder in seen)
+        ladders += [[rung["passed"] for rung in rungs] for rungs in content["ladders"]]
+    assert all(ladders.count(ladder) == 1 for ladder in ladders)
 
 
 @pytest.mark.usefixtures("halving")

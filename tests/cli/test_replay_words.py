@@ -27,8 +27,8 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "console", Console(width=200))
 
 
-def cells(said: str) -> list[list[str]]:
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+def cells(output: str) -> list[list[str]]:
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     return [row for row in rows if row]
 
 
@@ -59,9 +59,9 @@ def test_changes_are_names_and_numbers() -> None:
 
 @pytest.mark.parametrize("text", ["RHO_P", "RHO_P=", "RHO_P=x"])
 def test_what_is_no_change_is_refused(text: str) -> None:
-    code, said = run("x.ulg", "--param", text)
+    code, output = run("x.ulg", "--param", text)
     assert code == 2
-    assert f"--param {text}: must be NAME=VALUE, as RHO_P=0.8" in said
+    assert f"--param {text}: must be NAME=VALUE, as RHO_P=0.8" in output
 
 
 @pytest.mark.parametrize(("words", "reported"), [
@@ -79,8 +79,8 @@ def test_what_is_no_change_is_refused(text: str) -> None:
     (("none.ulg",), "none.ulg"),
 ])  # fmt: skip
 def test_what_does_not_go_together_is_refused(words: tuple[str, ...], reported: str) -> None:
-    code, said = run(*words)
-    assert (code, reported in said) == (2, True), said
+    code, output = run(*words)
+    assert (code, reported in output) == (2, True), output
 
 
 def test_several_are_replayed_by_whom_the_options_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,11 +113,11 @@ def replayed(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_the_same_in_every_bit_is_told_and_no_failure(replayed: Any) -> None:
-    code, said = run("a.ulg")
+    code, output = run("a.ulg")
     assert code == 0
     # Four seconds of ticks in half a second.
-    assert "5 ticks in 0.50 s, 8 × real time\n" in said
-    assert "every command is the same, bit for bit" in said
+    assert "5 ticks in 0.50 s, 8 × real time\n" in output
+    assert "every command is the same, bit for bit" in output
     assert replayed.asked == [{"changes": {}, "airframe": None, "workers": None, "compile": None}]
     run("a.ulg", "--workers", "3", "--compile", "--param", "RHO_P=0.8", "--airframe", "eclipson_c")
     asked = replayed.asked[1]
@@ -140,9 +140,9 @@ def test_the_exit_code_is_one_where_commands_differ_or_data_is_lost(
 
 def test_what_was_left_out_and_noted_is_told(replayed: Any) -> None:
     replayed.result = result(left_out=7, notes=["a note [of brackets]"])
-    _, said = run("a.ulg")
-    assert "8 × real time; 7 left out, the state before them is lost" in said
-    assert "a note [of brackets]" in said
+    _, output = run("a.ulg")
+    assert "8 × real time; 7 left out, the state before them is lost" in output
+    assert "a note [of brackets]" in output
 
 
 def test_a_change_that_nothing_used_is_told(replayed: Any) -> None:
@@ -158,13 +158,13 @@ def test_twelve_differences_are_listed_and_the_others_counted(
     named = [difference("command_elevator"), difference("setpoints_pitch_rad", 4, 0.5, 2.25)]
     many = [difference(f"field_{i}") for i in range(12)]
     _list_differences(result(differences=[*named, *many]))
-    said = capsys.readouterr().out
-    rows = cells(said)
+    output = capsys.readouterr().out
+    rows = cells(output)
     assert rows[0] == ["command_elevator", "3", rows[0][2], "1.500 s"]
     assert rows[0][2].startswith("0.0123")
     assert rows[1] == ["setpoints_pitch_rad", "4", f"0.5 {_unit('setpoints_pitch_rad')}", "2.250 s"]
     assert len(rows) == 12
-    assert "and 2 more fields" in said
+    assert "and 2 more fields" in output
     _list_differences(result(differences=many))
     assert "more fields" not in capsys.readouterr().out
     assert _unit("setpoints_pitch_rad") == "rad"
@@ -186,14 +186,14 @@ def test_commands_are_compared_where_both_were_flown(capsys: pytest.CaptureFixtu
         "command_rudder": np.array([0.1] * 4),
     }
     _compare(result(logged=logged, replayed=again, differences=[difference("command_elevator")]))
-    said = capsys.readouterr().out
-    rows = {row[0].split(" ")[0]: row[1:] for row in cells(said)}
+    output = capsys.readouterr().out
+    rows = {row[0].split(" ")[0]: row[1:] for row in cells(output)}
     # rms of 3, 4, 0 is 5 / sqrt 3; of 0.3, 0.4 it is 0.5 / sqrt 2.
     assert rows["setpoints_pitch_rad"] == ["2.887", "0", "2.887", "0", "–"]
     assert rows["command_elevator"] == ["0.3536", "0.2121", "0.2828", "0.01234", "1.500 s"]
     assert rows["command_rudder"] == ["–"] * 5
     assert "command_aileron" not in rows
-    assert "the aircraft does not answer to the change" in said
+    assert "the aircraft does not answer to the change" in output
 
 
 # --- several -----------------------------------------------------------------------------------
@@ -233,13 +233,13 @@ def test_a_line_for_each_log(capsys: pytest.CaptureFixture[str]) -> None:
         ],
         True,
     )
-    said = capsys.readouterr().out
-    assert cells(said) == [
+    output = capsys.readouterr().out
+    assert cells(output) == [
         ["a.ulg", "50", "2", "0", "nothing"],
         ["b.ulg", "50", "0", "0", "u, v, w"],
         ["c.ulg", "50", "0", "0", "u, v, w …"],
     ]
-    assert "3 logs, 13 s of flight" in said
+    assert "3 logs, 13 s of flight" in output
 
 
 # --- a recording of the wire -------------------------------------------------------------------
@@ -264,9 +264,9 @@ def test_what_was_told_is_compared_with_what_is_told_now(
 ) -> None:
     monkeypatch.setattr(module, "replay_wire", lambda *_given: wire())
     _from_wire(Path("a.tlog"), Path("a"), Path("s"), {})
-    said = capsys.readouterr().out
-    assert "50 ticks in 0.25 s, 8.0 × the recording's time" in said
-    rows = {row[0]: row[1:] for row in cells(said)}
+    output = capsys.readouterr().out
+    assert "50 ticks in 0.25 s, 8.0 × the recording's time" in output
+    rows = {row[0]: row[1:] for row in cells(output)}
     assert rows["e_rho"][:2] == ["m", "3"]
     assert rows["e_rho"][3] == "0.4"
     assert float(rows["e_rho"][2]) == pytest.approx((0.25 / 2) ** 0.5, abs=0.001)

@@ -192,16 +192,16 @@ def test_parts_that_are_short_beside_the_longest_are_noise(monkeypatch: pytest.M
 
 def test_it_is_printed_or_written_and_where_it_goes_is_told(tmp_path: Path) -> None:
     area = ("--bounds", "0,1,1,2.2")
-    code, said = run("contour", *area)
+    code, printed = run("contour", *area)
     assert code == 0
-    assert tomllib.loads(said)["contour"]["airframe"] == "Eclipson Model C"
+    assert tomllib.loads(printed)["contour"]["airframe"] == "Eclipson Model C"
     out = tmp_path / "contour.toml"
-    code, told = run("contour", *area, "--out", out)
+    code, output = run("contour", *area, "--out", out)
     assert code == 0
-    assert out.read_text(encoding="utf-8") == said
-    assert told == f"contour in {out}: put it into {SITE}\n"
-    code, told = run("contour", *area, "--out", tmp_path / "no" / "such.toml")
-    assert (code, "such.toml: cannot be written: No such file or directory" in told) == (2, True)
+    assert out.read_text(encoding="utf-8") == printed
+    assert output == f"contour in {out}: put it into {SITE}\n"
+    code, output = run("contour", *area, "--out", tmp_path / "no" / "such.toml")
+    assert (code, "such.toml: cannot be written: No such file or directory" in output) == (2, True)
 
 
 @pytest.mark.parametrize("option", ["--site", "--airframe"])
@@ -210,18 +210,21 @@ def test_no_file_that_it_is_computed_from_is_written(option: str, tmp_path: Path
     kept = {"--site": SITE, "--airframe": AIRFRAME}[option].read_text(encoding="utf-8")
     own.write_text(kept, encoding="utf-8")
     out = tmp_path / "." / "own.toml"
-    code, told = run("contour", "--bounds", "0,1,1,2.2", option, own, "--out", out)
-    assert (code, "that is a file that it is computed from" in told) == (2, True)
+    code, output = run("contour", "--bounds", "0,1,1,2.2", option, own, "--out", out)
+    assert (code, "that is a file that it is computed from" in output) == (2, True)
     assert own.read_text(encoding="utf-8") == kept
 
 
 def test_a_site_without_air_has_none(tmp_path: Path) -> None:
     path = tmp_path / "site.toml"
     path.write_text('[site]\nname = "bare"\nwind_from_deg = 0.0\n', encoding="utf-8")
-    code, said = run("contour", "--site", path, "--bounds", "0,1,0,1")
-    assert (code, "site bare: no [air] table, so there is no wind to map" in said) == (2, True)
-    code, said = run("misfit", "--site", path)
-    assert (code, 'only the wind of kind = "polynomial" is fitted to another' in said) == (2, True)
+    code, output = run("contour", "--site", path, "--bounds", "0,1,0,1")
+    assert (code, "site bare: no [air] table, so there is no wind to map" in output) == (2, True)
+    code, output = run("misfit", "--site", path)
+    assert (code, 'only the wind of kind = "polynomial" is fitted to another' in output) == (
+        2,
+        True,
+    )
     assert run("misfit")[0] == 2
 
 
@@ -233,20 +236,22 @@ def test_a_polynomial_wind_tells_its_misfit(tmp_path: Path) -> None:
     )
     path = tmp_path / "site.toml"
     path.write_text(text, encoding="utf-8")
-    code, said = run("misfit", "--site", path)
-    assert code == 0, said
-    assert "m/s" in said
+    code, output = run("misfit", "--site", path)
+    assert code == 0, output
+    assert "m/s" in output
 
 
 def test_a_wind_record_says_its_length_mean_and_ends(tmp_path: Path) -> None:
     path = tmp_path / "wind.csv"
-    code, said = run("wind", path, "--hours", "0.05", "--mean", "9", "--veer", "0", "--lulls", "0")
-    assert code == 0, said
+    code, output = run(
+        "wind", path, "--hours", "0.05", "--mean", "9", "--veer", "0", "--lulls", "0"
+    )
+    assert code == 0, output
     rows = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines()
             if line[:1].isdigit()]  # fmt: skip
     speeds = [float(row[1]) for row in rows]
     assert float(rows[-1][0]) - float(rows[0][0]) == pytest.approx(180.0, abs=2.0)
-    assert said == (
+    assert output == (
         f"{path}: 0.05 h, {sum(speeds) / len(speeds):.1f} m/s in the mean, from"
         f" {min(speeds):.1f} to {max(speeds):.1f}\n"
     )

@@ -53,9 +53,9 @@ def test_each_page_is_written_where_there_is_a_log_and_it_is_wanted(
     expected += [("map", out / "search.png")] * (search and has_log)
     expected += [("report", out / "report.html")] * (report and has_log)
     assert drawn == expected
-    said = capsys.readouterr().out
-    assert ("its report: here/report.html" in said) == (report and has_log)
-    assert ("its report: tgl-soar report here/logs/a.ulg" in said) == (has_log and not report)
+    output = capsys.readouterr().out
+    assert ("its report: here/report.html" in output) == (report and has_log)
+    assert ("its report: tgl-soar report here/logs/a.ulg" in output) == (has_log and not report)
 
 
 @pytest.mark.parametrize("error", [ImportError("no matplotlib"), LogError("cut off")])

@@ -64,13 +64,13 @@ def test_without_options_the_tunnel_is_flown_by_the_bridges_own_pixhawk(
 
 
 def test_each_option_is_what_is_flown_by(flown: list[SitlOptions]) -> None:
-    code, said = run(
+    code, output = run(
         *("--legs", " a, c ,", "--stay", "5", "--set", "TGL_HOLD=1", "--set", " RHO_P = 0.5"),
         *("--model", "point-mass", "--seed", "7", "--turbulence", "0.1", "--receiver", "rtk"),
         *("--realtime", "--gcs-local", "127.0.0.1:0", "--fault", "position.dropout start=20 for=1"),
         *("--autopilot-parameter", "A=1", "--survey", "--kill-module", "3", "--out", "here"),
     )
-    assert (code, said) == (0, "")
+    assert (code, output) == (0, "")
     (options,) = flown
     assert options.legs == ("a", "c")
     assert (options.stay_s, options.seed, options.turbulence) == (5.0, 7, 0.1)
@@ -129,9 +129,9 @@ def test_a_firmware_is_flown_by_its_program_and_route(flown: list[SitlOptions]) 
 def test_what_does_not_go_together_is_refused_before_the_flight(
     words: tuple[str, ...], reported: str, flown: list[SitlOptions]
 ) -> None:
-    code, said = run(*words)
+    code, output = run(*words)
     assert code == 2
-    assert reported in said
+    assert reported in output
     assert flown == []
 
 
@@ -160,9 +160,9 @@ def test_a_flight_beside_the_page_says_where_to_engage_and_where_its_logs_are(
         raise ends
 
     monkeypatch.setattr("tgl_soar.sim.sitl_page.host", host)
-    found, said = run("--page", "--out", "here")
+    found, output = run("--page", "--out", "here")
     assert found == code
-    assert said.splitlines() == [
+    assert output.splitlines() == [
         "the operator's page: http://127.0.0.1:8191/#token=t",
         "engage there; Ctrl-C ends it",
         words,
@@ -179,17 +179,17 @@ def test_a_leg_that_did_not_settle_is_an_exit_code(
     monkeypatch.setattr(module, "_fly", lambda _options: ended)
     shown: list[Any] = []
     monkeypatch.setattr(module, "_show", lambda _options, flight: shown.append(flight))
-    code, said = run()
-    assert (code, "a leg did not settle" in said) == (1, True)
+    code, output = run()
+    assert (code, "a leg did not settle" in output) == (1, True)
     assert shown == [ended]
     ended.flown[0].by_hand = True
     assert run() == (0, "")
 
 
 def test_the_faults_are_listed_and_nothing_flies(flown: list[SitlOptions]) -> None:
-    code, said = run("--fault", "list")
+    code, output = run("--fault", "list")
     assert code == 0
-    assert "position.dropout" in said
+    assert "position.dropout" in output
     assert flown == []
 
 
@@ -208,8 +208,8 @@ def test_a_flight_that_ends_early_says_why(
 
     monkeypatch.setattr("tgl_soar.sim.sitl.fly", fails)
     monkeypatch.setattr(module, "_say_what_flies", lambda _options: None)
-    found, said = run("--out", "here")
-    assert (found, words in said) == (code, True), said
+    found, output = run("--out", "here")
+    assert (found, words in output) == (code, True), output
 
 
 def test_a_rate_that_px4_can_keep_stands_before_what_is_given() -> None:
@@ -255,16 +255,16 @@ def test_the_legs_are_shown_in_centimetres(
         wall_s=12.4,
     )
     _show(SitlOptions(Path("a"), Path("s"), Path("here")), flight)
-    said = capsys.readouterr().out
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+    output = capsys.readouterr().out
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     rows = [row for row in rows if row and row[0] in ("a", "b", "c")]
     assert rows == [
         ["a", "3.2 s", "1.23 cm", "4.5 cm", "5.6 cm", "6.7 cm"],
         ["b", "not held", "1.23 cm", "4.5 cm", "5.6 cm", "–"],
         ["c", "moved by hand", "1.23 cm", "4.5 cm", "5.6 cm", "6.7 cm"],
     ]
-    assert "a note [of brackets]\n" in said
-    assert said.endswith("62 s of flight in 12 s; logs and figure in here/\n")
+    assert "a note [of brackets]\n" in output
+    assert output.endswith("62 s of flight in 12 s; logs and figure in here/\n")
 
 
 @pytest.mark.parametrize(("values", "cells"), [

@@ -36,7 +36,7 @@ def as_it_was() -> Iterator[None]:
 
 
 @pytest.mark.parametrize(
-    ("words", "library", "code", "said"),
+    ("words", "library", "code", "error"),
     [
         (["-m", "tgl_soar.cli", "margins"], "typer", 130, "error: stopped\n"),
         (["-m", "tgl_soar.cli", "run", "--help"], "msgspec", 0, ""),
@@ -44,7 +44,7 @@ def as_it_was() -> Iterator[None]:
     ],
 )
 def test_an_interrupted_import_is_no_traceback(
-    tmp_path: Path, words: list[str], library: str, code: int, said: str
+    tmp_path: Path, words: list[str], library: str, code: int, error: str
 ) -> None:
     (tmp_path / f"{library}.py").write_text(SLOW)
     path = os.pathsep.join([str(tmp_path), *sys.path])
@@ -56,16 +56,16 @@ def test_an_interrupted_import_is_no_traceback(
         timeout=60,
         check=False,
     )
-    assert (ran.returncode, ran.stderr, ran.stdout) == (code, said, "")
+    assert (ran.returncode, ran.stderr, ran.stdout) == (code, error, "")
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"), [(["run"], 0, ""), (["margins"], 130, "error: stopped\n")]
+    ("words", "code", "error"), [(["run"], 0, ""), (["margins"], 130, "error: stopped\n")]
 )
 def test_an_interrupt_before_it_is_taken_is_no_traceback(
     words: list[str],
     code: int,
-    said: str,
+    error: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -80,7 +80,7 @@ def test_an_interrupt_before_it_is_taken_is_no_traceback(
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == code
-    assert capsys.readouterr().err == said
+    assert capsys.readouterr().err == error
 
 
 def test_real_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:

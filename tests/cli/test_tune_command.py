@@ -59,8 +59,8 @@ def test_every_flight_is_a_row_that_a_report_counts(
     table = tmp_path / "t.toml.rows.parquet"
     found = [*rows.read_rows(table)]
     judged = [row for row in found if row["judges"]]
-    told = [(row["kind"], row["turbulence"], row["gains"], row["aircraft"]) for row in judged]
-    assert told == [
+    flown = [(row["kind"], row["turbulence"], row["gains"], row["aircraft"]) for row in judged]
+    assert flown == [
         (kind, turbulence, gains, aircraft)
         for kind in SETS
         for turbulence in (0.03, 0.05)

@@ -68,9 +68,9 @@ def test_the_lines_of_the_site_cross_the_contour_of_its_air(
 
 
 def test_what_is_printed_is_what_is_in_the_file(tunnel: tuple[dict[str, Any], str]) -> None:
-    found, said = tunnel
+    found, output = tunnel
     core = found["core"]
-    words = " ".join(said.split())
+    words = " ".join(output.split())
     assert (
         f"core at x {core['x_m']:.2f}, z {core['z_m']:.2f} m: excess updraft"
         f" {core['excess_mps']:.2f} m/s (updraft {core['updraft_mps']:.2f} m/s in a wind of"
@@ -78,8 +78,8 @@ def test_what_is_printed_is_what_is_in_the_file(tunnel: tuple[dict[str, Any], st
     ) in words
     for line in found["lines"].values():
         for c in line["crossings"]:
-            assert f"{c['x_m']:.3f}" in said
-            assert f"{c['z_m']:.3f}" in said
+            assert f"{c['x_m']:.3f}" in output
+            assert f"{c['z_m']:.3f}" in output
 
 
 def test_lines_and_leans_of_the_options(tmp_path: Path) -> None:
@@ -122,22 +122,22 @@ def test_numbers_with_commas_are_counted(text: str, count: int, good: bool) -> N
 def test_what_is_no_line_or_no_bounds_is_refused(
     arguments: tuple[str, ...], words: str, tmp_path: Path
 ) -> None:
-    found, said = run(tmp_path, *arguments, code=2)
-    assert words in said
+    found, output = run(tmp_path, *arguments, code=2)
+    assert words in output
     assert found == {}
 
 
 def test_a_site_without_air_has_no_map(tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     site.write_text('[site]\nname = "bare"\nwind_from_deg = 0.0\n', encoding="utf-8")
-    _, said = run(tmp_path, "--site", site, code=2)
-    assert f"{site}: no [air] table, so there is no wind to map" in said
+    _, output = run(tmp_path, "--site", site, code=2)
+    assert f"{site}: no [air] table, so there is no wind to map" in output
 
 
 def test_a_line_that_meets_nothing_is_told(tmp_path: Path) -> None:
-    found, said = run(tmp_path, "--line", "-60,1,15", "--bounds=-0.5,2.3,0.2,2.9")
+    found, output = run(tmp_path, "--line", "-60,1,15", "--bounds=-0.5,2.3,0.2,2.9")
     assert found["lines"]["1"]["crossings"] == []
-    assert "meets no contour" in said
+    assert "meets no contour" in output
     assert found["bounds_m"] == [-0.5, 2.3, 0.2, 2.9]
 
 

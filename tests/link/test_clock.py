@@ -378,7 +378,7 @@ def test_another_clock_is_told_of_once_in_ten_seconds_and_counted() -> None:
             for late in range(3):
                 stamp_ms = 450_000 + 20 * (i + late)
                 assert times.of_milliseconds(30, stamp_ms, now_s + 0.001 * late) is None
-    told = [text for _, text in ledger.notices if "another clock" in text]
-    assert told == ["stamps of another clock, 400.0 s ahead of the autopilot's: refused"] * 2
+    reported = [text for _, text in ledger.notices if "another clock" in text]
+    assert reported == ["stamps of another clock, 400.0 s ahead of the autopilot's: refused"] * 2
     assert ledger.counters.other_clock == 21
     assert ledger.counters.reboots == 0

@@ -306,42 +306,42 @@ def test_no_clock_has_run_for_three_hundred_years(stamp_s: float, is_taken: bool
 def test_streams_share_the_offset_of_the_fastest_that_is_proven_and_near(
     slower_s: float, proven_s: float, late_s: float
 ) -> None:
-    heard = Streams()
-    heard.hear("fast", 100.0)
-    heard.hear("fast", 100.0 + proven_s)
-    found = heard.hear("slow", 100.5, -slower_s)
+    streams = Streams()
+    streams.hear("fast", 100.0)
+    streams.hear("fast", 100.0 + proven_s)
+    found = streams.hear("slow", 100.5, -slower_s)
     assert found == pytest.approx(late_s)
-    assert heard.hear("fast", 100.6) == pytest.approx(0.0)  # and the fastest is not moved by it
+    assert streams.hear("fast", 100.6) == pytest.approx(0.0)  # and the fastest is not moved by it
 
 
 def test_a_clock_of_somebody_else_has_an_offset_of_its_own() -> None:
-    heard = Streams()
-    heard.known()
-    heard.run("camera", 101.0, 102.0, foreign=True)
-    assert heard.hear("other", 102.0, -0.2, foreign=True) == pytest.approx(0.0)
-    assert heard.hear("slow", 102.1, -0.2) == pytest.approx(0.2)
+    streams = Streams()
+    streams.known()
+    streams.run("camera", 101.0, 102.0, foreign=True)
+    assert streams.hear("other", 102.0, -0.2, foreign=True) == pytest.approx(0.0)
+    assert streams.hear("slow", 102.1, -0.2) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(
     ("ahead_s", "is_taken"), [(0.09, True), (0.11, False), (-0.99, True), (-1.01, False)]
 )
 def test_the_first_stamp_of_a_stream_must_fit_the_others(ahead_s: float, is_taken: bool) -> None:
-    heard = Streams()
-    heard.known()
-    assert (heard.hear("b", 101.1, ahead_s) is not None) is is_taken
+    streams = Streams()
+    streams.known()
+    assert (streams.hear("b", 101.1, ahead_s) is not None) is is_taken
 
 
 @pytest.mark.parametrize(("after_s", "is_taken"), [(0.9, False), (1.1, True)])
 def test_where_the_others_are_received_now(after_s: float, is_taken: bool) -> None:
-    heard = Streams()
-    heard.known()
-    assert (heard.hear("b", 101.0 + after_s, 50.0) is not None) is is_taken
+    streams = Streams()
+    streams.known()
+    assert (streams.hear("b", 101.0 + after_s, 50.0) is not None) is is_taken
 
 
 @pytest.mark.parametrize(("stamp_s", "is_taken"), [(0.99e9, False), (1.01e9, True)])
 def test_the_time_of_day_counts_from_elsewhere(stamp_s: float, is_taken: bool) -> None:
-    heard = Streams()
-    known = heard.known()
+    streams = Streams()
+    known = streams.known()
     times = known.time_of("b", stamp_s, AHEAD_S + 101.1, wrap_s=inf)
     assert (times is not None) is is_taken
 
@@ -358,9 +358,9 @@ def test_the_time_of_day_counts_from_elsewhere(stamp_s: float, is_taken: bool) -
 def test_nothing_is_sent_before_it_is_true(
     ahead_s: float, late_s: float | None, refused: int
 ) -> None:
-    heard = Streams()
-    known = heard.known()
-    assert heard.hear("a", 101.0625, ahead_s) == (late_s and pytest.approx(late_s))
+    streams = Streams()
+    known = streams.known()
+    assert streams.hear("a", 101.0625, ahead_s) == (late_s and pytest.approx(late_s))
     assert known.refused == refused
 
 
@@ -368,9 +368,9 @@ def test_nothing_is_sent_before_it_is_true(
 def test_a_stamp_that_goes_back_is_refused_and_of_ten_seconds_ago_another_clock_s(
     back_s: float, refused: int
 ) -> None:
-    heard = Streams()
-    known = heard.known()
-    assert heard.hear("a", 101.01, -back_s) is None
+    streams = Streams()
+    known = streams.known()
+    assert streams.hear("a", 101.01, -back_s) is None
     assert known.refused == refused
 
 
@@ -379,16 +379,16 @@ def test_what_is_late_is_taken_with_its_age_and_does_not_count_in_the_minimum(
     late_s: float, counts: bool
 ) -> None:
     """What fits is when the clock was received last: then a new stream is compared with it."""
-    heard = Streams()
-    heard.known()
-    assert heard.hear("a", 101.9, -late_s) == pytest.approx(late_s)
-    assert (heard.hear("b", 102.1, 50.0) is None) is counts
+    streams = Streams()
+    streams.known()
+    assert streams.hear("a", 101.9, -late_s) == pytest.approx(late_s)
+    assert (streams.hear("b", 102.1, 50.0) is None) is counts
 
 
-def first_taken(heard: Streams, ahead_s: float, step_s: float) -> int:
+def first_taken(streams: Streams, ahead_s: float, step_s: float) -> int:
     """Which frame of a clock that has jumped is the first that is taken."""
     for count in range(1, 200):
-        if heard.hear("a", 101.0 + count * step_s, ahead_s) is not None:
+        if streams.hear("a", 101.0 + count * step_s, ahead_s) is not None:
             return count
     return 0
 
@@ -408,9 +408,9 @@ def first_taken(heard: Streams, ahead_s: float, step_s: float) -> int:
 def test_a_clock_that_has_jumped_is_taken_after_so_many_frames(
     ahead_s: float, step_s: float, count: int, reboots: int
 ) -> None:
-    heard = Streams()
-    known = heard.known()
-    assert first_taken(heard, ahead_s, step_s) == count
+    streams = Streams()
+    known = streams.known()
+    assert first_taken(streams, ahead_s, step_s) == count
     assert known.reboots == reboots
     assert known.leap_s == pytest.approx(ahead_s * reboots, abs=1e-6)
 
@@ -418,69 +418,69 @@ def test_a_clock_that_has_jumped_is_taken_after_so_many_frames(
 @pytest.mark.parametrize("others", [False, True])
 def test_a_first_stamp_that_was_wrong_is_forgotten_after_half_a_second(others: bool) -> None:
     """Whether other streams are received meanwhile or not; and it was no restart."""
-    heard = Streams()
-    assert heard.hear("a", 100.0, 0.5) == 0.0
+    streams = Streams()
+    assert streams.hear("a", 100.0, 0.5) == 0.0
     taken = []
     for i in range(1, 13):
-        taken.append(heard.hear("a", 100.0 + i / 16))
+        taken.append(streams.hear("a", 100.0 + i / 16))
         if others:
-            assert heard.hear("b", 100.0 + i / 16) == 0.0
+            assert streams.hear("b", 100.0 + i / 16) == 0.0
     assert taken == [None] * 8 + [0.0] * 4
-    assert heard.all.reboots == 0
+    assert streams.all.reboots == 0
 
 
 def test_nobody_takes_over_while_another_stream_of_the_old_clock_comes() -> None:
-    heard = Streams()
-    known = heard.known()
-    heard.run("b", 101.0, 101.5)
+    streams = Streams()
+    known = streams.known()
+    streams.run("b", 101.0, 101.5)
     for i in range(1, 9):
-        assert heard.hear("a", 101.5 + i / 16, 30.0) is None
-        assert heard.hear("b", 101.5 + i / 16) == 0.0
+        assert streams.hear("a", 101.5 + i / 16, 30.0) is None
+        assert streams.hear("b", 101.5 + i / 16) == 0.0
     assert known.reboots == 0
     assert known.suspected == 1
     assert known.suspect_ahead_s == pytest.approx(30.0)
 
 
 def test_of_a_clock_that_is_not_the_autopilot_s_nothing_is_said_or_reset() -> None:
-    heard = Streams()
-    known = heard.known()
-    heard.run("camera", 101.0, 102.0, foreign=True)
-    heard.run("a", 101.0625, 102.0)
+    streams = Streams()
+    known = streams.known()
+    streams.run("camera", 101.0, 102.0, foreign=True)
+    streams.run("a", 101.0625, 102.0)
     taken = [
-        heard.hear("camera", 102.0 + i / 16, 30.0, foreign=True) is not None for i in range(1, 9)
+        streams.hear("camera", 102.0 + i / 16, 30.0, foreign=True) is not None for i in range(1, 9)
     ]
     assert taken == [False, False] + [True] * 6
     assert (known.reboots, known.suspected) == (0, 0)
-    assert heard.hear("a", 102.5) == 0.0
+    assert streams.hear("a", 102.5) == 0.0
 
 
 def test_a_restart_is_that_of_all_streams_of_the_autopilot_and_of_no_other() -> None:
-    heard = Streams()
-    known = heard.known()
-    heard.run("camera", 100.0, 101.0, foreign=True)
-    heard.run("b", 101.0, 101.5)
+    streams = Streams()
+    known = streams.known()
+    streams.run("camera", 100.0, 101.0, foreign=True)
+    streams.run("b", 101.0, 101.5)
     for i in range(1, 4):
-        heard.hear("b", 101.5 + i / 8, -90.0)
+        streams.hear("b", 101.5 + i / 8, -90.0)
     assert known.reboots == 1
-    assert heard.hear("a", 102.0, -90.0) == 0.0  # at once
-    assert heard.hear("camera", 102.0, foreign=True) == 0.0
-    assert heard.hear("camera", 102.5, -0.3, foreign=True) == pytest.approx(0.3)  # still known
+    assert streams.hear("a", 102.0, -90.0) == 0.0  # at once
+    assert streams.hear("camera", 102.0, foreign=True) == 0.0
+    assert streams.hear("camera", 102.5, -0.3, foreign=True) == pytest.approx(0.3)  # still known
 
 
 def test_two_clocks_beside_each_other_are_contested_after_a_second_and_for_two() -> None:
-    heard = Streams()
-    known = heard.known()
+    streams = Streams()
+    known = streams.known()
     contested = []
     for i in range(1, 33):
-        heard.hear("a", 101.0 + i / 16)
-        heard.hear("a", 101.0 + (i + 0.5) / 16, 50.0)
+        streams.hear("a", 101.0 + i / 16)
+        streams.hear("a", 101.0 + (i + 0.5) / 16, 50.0)
         contested.append(known.is_contested(AHEAD_S + 101.0 + (i + 0.75) / 16))
     assert contested.index(True) == 16  # a second after the first of them
     end_s = AHEAD_S + 103.0 + 0.5 / 16 + 2.0
     assert known.is_contested(end_s - 0.01)
     assert not known.is_contested(end_s + 0.01)
     before = known.refused
-    assert heard.hear("a", 103.1) is None
+    assert streams.hear("a", 103.1) is None
     assert known.refused == before + 1
 
 

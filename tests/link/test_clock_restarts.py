@@ -107,7 +107,7 @@ def test_the_session_asks_again_and_says_so() -> None:
     def stretch(now_s: float, uptime_s: float, for_s: float) -> None:
         for i in range(round(for_s * 200)):
             wall_s, stamp = now_s + 0.005 * i, round(1e3 * uptime_s) + 5 * i
-            said = [
+            messages = [
                 AttitudeQuaternion(
                     time_boot_ms=stamp,
                     q1=1,
@@ -137,7 +137,7 @@ def test_the_session_asks_again_and_says_so() -> None:
                     ),
                     wall_s,
                 )
-            for message in said:
+            for message in messages:
                 talk.handle(Received(talk.autopilot, message), wall_s)
 
     stretch(2.0, 2.0, 5.0)
@@ -159,10 +159,10 @@ def test_the_session_asks_again_and_says_so() -> None:
     )
 )
 def test_whatever_stamps_come_times_are_finite_and_not_of_the_future(
-    said: list[tuple[str, float, float]],
+    stamps: list[tuple[str, float, float]],
 ) -> None:
     streams, now = StampedStreams(lockstep=False), 100.0
-    for key, stamp_s, step_s in said:
+    for key, stamp_s, step_s in stamps:
         now += step_s
         times = streams.time_of(key, stamp_s, now, quantised=True)
         if times is not None:

@@ -46,8 +46,8 @@ def command(
     )
 
 
-def results(said: list[Outbound] | list[CommandAck]) -> list[int]:
-    return [m.result for m in said if isinstance(m, CommandAck)]
+def results(messages: list[Outbound] | list[CommandAck]) -> list[int]:
+    return [m.result for m in messages if isinstance(m, CommandAck)]
 
 
 def flying(commands: CommandServer, *, settled: bool = False) -> list[int]:

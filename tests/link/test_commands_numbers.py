@@ -150,8 +150,8 @@ def test_while_it_is_in_progress_a_repetition_stays_one(server: CommandServer) -
 
 def test_it_is_told_once_a_second_that_an_engagement_is_in_progress(server: CommandServer) -> None:
     server.handle(STATION, command(ENGAGE), 20.0)
-    told = [i / 16 for i in range(16 * 4) if server.poll(20.0 + i / 16)]
-    assert told == [1.0, 2.0, 3.0]
+    reported_s = [i / 16 for i in range(16 * 4) if server.poll(20.0 + i / 16)]
+    assert reported_s == [1.0, 2.0, 3.0]
 
 
 @pytest.mark.parametrize(("senders", "is_forgotten"), [(16, False), (17, True)])

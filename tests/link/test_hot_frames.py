@@ -270,12 +270,12 @@ def test_mavlink_1_is_said_as_pymavlink_reads_it(message: Outbound) -> None:
 
 def test_the_sequence_is_one_whoever_packs() -> None:
     encoder = Encoder(Source(1, 191))
-    said: list[Outbound] = [
+    messages: list[Outbound] = [
         Timesync(1, 1),
         CommandAck(command=1, result=0, target_system=1, target_component=1),
         Timesync(1, 1),
     ]
-    assert [encoder.encode(message)[4] for message in said] == [0, 1, 2]
+    assert [encoder.encode(message)[4] for message in messages] == [0, 1, 2]
 
 
 def test_a_field_that_does_not_fit_is_an_error_and_costs_no_number() -> None:

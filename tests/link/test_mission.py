@@ -100,17 +100,17 @@ def test_its_messages_pass_the_codec() -> None:
         theirs.mission_current_encode(7),
         theirs.home_position_encode(520000000, -44000000, -3500, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, 0),
     )
-    heard = [decoder.feed(bytes(message.pack(theirs)))[0].message for message in sent]
-    assert heard == [
+    received = [decoder.feed(bytes(message.pack(theirs)))[0].message for message in sent]
+    assert received == [
         MissionCount(1, 191, 3),
         item(2, 21, x=520000000, y=-44000000),
         MissionCurrent(7),
         HomeMessage(520000000, -44000000, -3500),
     ]
     reader = mavlink.MAVLink(None)
-    said = b"".join(
+    data = b"".join(
         encoder.encode(m)
         for m in (MissionRequestList(1, 1), MissionRequestInt(1, 1, 4), MissionAck(1, 1, 0))
     )
-    kinds = [message.get_type() for message in reader.parse_buffer(bytearray(said))]
+    kinds = [message.get_type() for message in reader.parse_buffer(bytearray(data))]
     assert kinds == ["MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_ACK"]

@@ -22,10 +22,10 @@ def target(firmware: str, route: str | None = None) -> Flavour:
     return flavour(firmware, route, CHANNELS, 1)
 
 
-def asked_mode(said: tuple[object, ...]) -> float | None:
-    if not said:
+def asked_mode(requests: tuple[object, ...]) -> float | None:
+    if not requests:
         return None
-    (request,) = said
+    (request,) = requests
     assert isinstance(request, CommandLong)
     assert request.command == 176
     return request.params[1]
@@ -47,9 +47,9 @@ class Beats:
             if self.now_s - self.received_s >= self.every_s - 1e-9:
                 self.received_s, self.shown = self.now_s, self.mode
             obeys = self.shown == self.obeying
-            said = self.change.poll(self.now_s, self.received_s, obeys, self.shown)
-            if said:
-                self.asked.append((self.now_s, asked_mode(said)))
+            requests = self.change.poll(self.now_s, self.received_s, obeys, self.shown)
+            if requests:
+                self.asked.append((self.now_s, asked_mode(requests)))
 
 
 def guided(every_s: float = 0.2) -> Beats:

@@ -102,9 +102,9 @@ class Talk:
 
     def words(self) -> list[str]:
         """What it has said since the last time."""
-        said = [text.removeprefix(PLAIN) for _, text in self.client.notices]
+        texts = [text.removeprefix(PLAIN) for _, text in self.client.notices]
         self.client.notices.clear()
-        return said
+        return texts
 
     def asks(self, after_s: float = 0.0) -> list[int]:
         """The messages that it sends."""

@@ -45,8 +45,8 @@ def ask(
     return server.handle(source, message, now_s, flying=flying)
 
 
-def words(said: list[Outbound]) -> str:
-    return "".join(m.text for m in said if isinstance(m, StatusText))
+def words(answers: list[Outbound]) -> str:
+    return "".join(m.text for m in answers if isinstance(m, StatusText))
 
 
 def collected(server: ParameterServer, seconds: float, step_s: float = 0.005) -> list[ParamValue]:
@@ -153,7 +153,7 @@ def test_reading_what_is_not_there() -> None:
 
 def test_a_set_takes_effect_at_once_and_is_answered_with_the_exact_value() -> None:
     served = server()
-    said = ask(
+    answers = ask(
         served,
         ParamSet(
             target_system=1,
@@ -163,9 +163,9 @@ def test_a_set_takes_effect_at_once_and_is_answered_with_the_exact_value() -> No
             param_type=REAL32,
         ),
     )
-    assert len(said) == 1
-    assert isinstance(said[0], ParamValue)
-    assert said[0].param_value == served.values["TGL_X"] == pytest.approx(0.1, rel=1e-7)
+    assert len(answers) == 1
+    assert isinstance(answers[0], ParamValue)
+    assert answers[0].param_value == served.values["TGL_X"] == pytest.approx(0.1, rel=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -188,16 +188,16 @@ def test_a_refused_set_is_answered_with_what_stands_and_why(
 ) -> None:
     served = server()
     before = served.values
-    said = ask(
+    answers = ask(
         served,
         ParamSet(
             target_system=1, target_component=191, param_id=name, param_value=value, param_type=kind
         ),
     )
     assert served.values is before
-    assert said[0] == served.value_message(INDEX[name])
-    assert reason in words(said)
-    assert words(said).startswith(name)
+    assert answers[0] == served.value_message(INDEX[name])
+    assert reason in words(answers)
+    assert words(answers).startswith(name)
     assert served.counters.refused == 1
 
 
@@ -220,8 +220,8 @@ def test_an_unknown_name_is_reported() -> None:
     )
 
 
-def errors(said: list[Outbound]) -> list[ParamError]:
-    return [m for m in said if isinstance(m, ParamError)]
+def errors(answers: list[Outbound]) -> list[ParamError]:
+    return [m for m in answers if isinstance(m, ParamError)]
 
 
 def test_a_refusal_is_reported_to_programs_too() -> None:
@@ -330,7 +330,7 @@ def test_a_number_that_was_an_integer_at_the_station_is_taken() -> None:
 
 def test_the_loop_rate_stays_while_flying() -> None:
     served = server()
-    said = ask(
+    answers = ask(
         served,
         ParamSet(
             target_system=1,
@@ -341,7 +341,7 @@ def test_the_loop_rate_stays_while_flying() -> None:
         ),
         flying=True,
     )
-    assert "not while flying" in words(said)
+    assert "not while flying" in words(answers)
     assert served.values["LOOP_RATE"] == 200.0
     ask(
         served,
@@ -395,7 +395,7 @@ def test_a_flood_of_bad_sets_is_reported_in_few_words_but_always_answered() -> N
     served = server()
     values = texts = 0
     for i in range(1000):
-        said = ask(
+        answers = ask(
             served,
             ParamSet(
                 target_system=1,
@@ -406,8 +406,8 @@ def test_a_flood_of_bad_sets_is_reported_in_few_words_but_always_answered() -> N
             ),
             now_s=i / 1000,
         )
-        values += sum(isinstance(m, ParamValue) for m in said)
-        texts += sum(isinstance(m, StatusText) for m in said)
+        values += sum(isinstance(m, ParamValue) for m in answers)
+        texts += sum(isinstance(m, StatusText) for m in answers)
     assert values == 1000
     assert 8 <= texts <= 13
 

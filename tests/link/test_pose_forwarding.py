@@ -59,7 +59,7 @@ def forwarded(
 ) -> list[tuple[float, Outbound]]:
     """What goes out of a module that ticks at 200 Hz and a tracker of a rate and a delay."""
     sources = sources or PositionSources((source,))
-    said = []
+    poses = []
     steps = round(200.0 / rate_hz)
     for i in range(round(seconds * 200.0)):
         now = 1.0 + i / 200.0
@@ -67,23 +67,23 @@ def forwarded(
             sources.take(source, fix(now - delay_s), now, turned)
         pose = forwarding.poll(sources, now)
         if pose is not None:
-            said.append((now, pose))
-    return said
+            poses.append((now, pose))
+    return poses
 
 
 @pytest.mark.parametrize(("rate_hz", "source_hz"), [(40.0, 100.0), (50.0, 100.0), (30.0, 40.0)])
 def test_the_rate_is_what_was_asked_for_and_no_pose_goes_out_twice(
     rate_hz: float, source_hz: float
 ) -> None:
-    said = forwarded(PoseForwarding(ODOMETRY, rate_hz), 10.0, rate_hz=source_hz)
-    assert len(said) == pytest.approx(10.0 * rate_hz, rel=0.03)
-    stamps = [pose.time_usec for _, pose in said if isinstance(pose, Odometry)]
-    assert len(set(stamps)) == len(stamps) == len(said)
+    poses = forwarded(PoseForwarding(ODOMETRY, rate_hz), 10.0, rate_hz=source_hz)
+    assert len(poses) == pytest.approx(10.0 * rate_hz, rel=0.03)
+    stamps = [pose.time_usec for _, pose in poses if isinstance(pose, Odometry)]
+    assert len(set(stamps)) == len(stamps) == len(poses)
 
 
 def test_a_slow_source_is_forwarded_as_it_comes() -> None:
-    said = forwarded(PoseForwarding(VISION_POSITION_ESTIMATE, 50.0), 10.0, rate_hz=20.0)
-    assert len(said) == 200
+    poses = forwarded(PoseForwarding(VISION_POSITION_ESTIMATE, 50.0), 10.0, rate_hz=20.0)
+    assert len(poses) == 200
 
 
 def test_it_stops_with_the_source() -> None:

@@ -76,8 +76,8 @@ def position(time_ms: int, x: float = 1.0) -> LocalPositionNed:
     return LocalPositionNed(time_boot_ms=time_ms, x=x, y=2.0, z=-3.0, vx=0.1, vy=0.2, vz=0.3)
 
 
-def requests(said: list[Outbound]) -> list[tuple[float, float]]:
-    return [(m.params[0], m.params[1]) for m in said if isinstance(m, CommandLong)]
+def requests(messages: list[Outbound]) -> list[tuple[float, float]]:
+    return [(m.params[0], m.params[1]) for m in messages if isinstance(m, CommandLong)]
 
 
 # --- who is who -------------------------------------------------------------------------------

@@ -338,7 +338,7 @@ def talked(**options: Any) -> Session:
     return talk
 
 
-def is_begun_anew(talk: Session, now_s: float) -> None:
+def is_reset(talk: Session, now_s: float) -> None:
     stream = talk.streams.wanted(31)
     assert stream is not None
     assert not stream.given_up
@@ -360,7 +360,7 @@ def test_a_new_clock_of_ours_forgets_all_that_was_timed_by_the_old_one() -> None
     talk.rebase(5.0)
     assert talk.status.time_s == 5.0
     assert talk.presence.is_alone(5.0)
-    is_begun_anew(talk, 5.0)
+    is_reset(talk, 5.0)
     assert isnan(talk.receiver.known(99.4)[0])  # not even where the new one comes to that time
     for i in range(100):  # nor was the estimator silent for as long as the clocks are apart
         talk.poll(5.0 + 0.05 * i)
@@ -372,7 +372,7 @@ def test_a_new_clock_of_the_autopilot_s_forgets_all_that_was_asked_of_it() -> No
     for i in range(3):
         hear(talk, attitude(1000 + 5 * i), 99.4)
     assert talk.counters.reboots == talk.status.boots == 1
-    is_begun_anew(talk, 99.4)
+    is_reset(talk, 99.4)
 
 
 def test_a_queue_on_the_link_is_forgotten_with_the_clock() -> None:

@@ -166,11 +166,11 @@ def test_a_key_is_its_owner_s_alone_from_its_first_moment(
     modes: list[int] = []
     change = os.fchmod
 
-    def seen(fd: int, mode: int) -> None:
+    def observed(fd: int, mode: int) -> None:
         modes.append(stat.S_IMODE(os.fstat(fd).st_mode))
         change(fd, mode)
 
-    monkeypatch.setattr(os, "fchmod", seen)
+    monkeypatch.setattr(os, "fchmod", observed)
     before = os.umask(0)
     try:
         save_key(tmp_path / "key", KEY)
@@ -210,11 +210,11 @@ def test_file_and_folder_are_closed_again(tmp_path: Path, monkeypatch: pytest.Mo
     closed: list[bool] = []
     close = os.close
 
-    def seen(fd: int) -> None:
+    def observed(fd: int) -> None:
         closed.append(stat.S_ISDIR(os.fstat(fd).st_mode))
         close(fd)
 
-    monkeypatch.setattr(os, "close", seen)
+    monkeypatch.setattr(os, "close", observed)
     save_key(tmp_path / "key", KEY)
     assert closed == [False, True]
 

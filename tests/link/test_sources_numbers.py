@@ -26,7 +26,7 @@ def fix(time_s: float, north_m: float | None = None, **fields: float) -> Positio
     )
 
 
-class Heard:
+class TwoSources:
     """Two sources of which the first is trusted more."""
 
     def __init__(self) -> None:
@@ -94,31 +94,31 @@ def test_a_place_that_is_no_number_is_none(axis: int) -> None:
 
 
 def test_the_same_time_once_more_is_late() -> None:
-    heard = Heard()
-    assert heard.hear(FIRST, 100.0)
-    assert not heard.hear(FIRST, 100.0)
-    assert heard.all.health[FIRST].late == 1
+    sources = TwoSources()
+    assert sources.hear(FIRST, 100.0)
+    assert not sources.hear(FIRST, 100.0)
+    assert sources.all.health[FIRST].late == 1
 
 
 def test_sources_that_nobody_named_are_counted() -> None:
-    heard = Heard()
-    assert not heard.hear(ODOMETRY, 100.0)
-    assert heard.all.unused == 1
+    sources = TwoSources()
+    assert not sources.hear(ODOMETRY, 100.0)
+    assert sources.all.unused == 1
 
 
 def test_the_mean_interval_follows_by_a_tenth_and_gaps_do_not_count() -> None:
-    heard = Heard()
-    health = heard.all.health[FIRST]
-    heard.hear(FIRST, 100.0)
+    sources = TwoSources()
+    health = sources.all.health[FIRST]
+    sources.hear(FIRST, 100.0)
     assert isnan(health.period_s)
-    heard.hear(FIRST, 100.5)
+    sources.hear(FIRST, 100.5)
     assert (health.period_s, health.rate_hz) == (0.5, 2.0)
-    heard.hear(FIRST, 100.75)
+    sources.hear(FIRST, 100.75)
     assert health.period_s == pytest.approx(0.5 - 0.1 * 0.25)
     before = health.period_s
-    heard.hear(FIRST, 101.8)  # more than a second
+    sources.hear(FIRST, 101.8)  # more than a second
     assert health.period_s == before
-    heard.hear(FIRST, 102.7)
+    sources.hear(FIRST, 102.7)
     assert health.period_s == pytest.approx(before + 0.1 * (0.9 - before))
 
 
@@ -129,36 +129,36 @@ def test_the_mean_interval_follows_by_a_tenth_and_gaps_do_not_count() -> None:
 def test_a_quick_source_may_be_silent_for_a_seventh_of_a_second(
     silent_s: float, is_left: bool
 ) -> None:
-    heard = Heard()
+    sources = TwoSources()
     for i in range(200):  # at 100 Hz
-        heard.hear(FIRST, 100.0 + i / 100)
-    assert heard.all.is_fresh(FIRST, 101.99 + silent_s) is not is_left
-    assert heard.hear(SECOND, 101.99 + silent_s) is is_left
-    assert heard.all.chosen == (SECOND if is_left else FIRST)
+        sources.hear(FIRST, 100.0 + i / 100)
+    assert sources.all.is_fresh(FIRST, 101.99 + silent_s) is not is_left
+    assert sources.hear(SECOND, 101.99 + silent_s) is is_left
+    assert sources.all.chosen == (SECOND if is_left else FIRST)
 
 
 @pytest.mark.parametrize(("steady_s", "is_back"), [(1.9375, False), (2.0, True)])
 def test_one_that_is_trusted_more_must_have_come_for_two_seconds(
     steady_s: float, is_back: bool
 ) -> None:
-    heard = Heard()
-    heard.run(100.0, 110.0, SECOND)
-    heard.run(110.0, 110.0 + steady_s, FIRST, SECOND)
-    assert (heard.all.chosen == FIRST) is is_back
-    assert heard.all.switches == is_back
+    sources = TwoSources()
+    sources.run(100.0, 110.0, SECOND)
+    sources.run(110.0, 110.0 + steady_s, FIRST, SECOND)
+    assert (sources.all.chosen == FIRST) is is_back
+    assert sources.all.switches == is_back
 
 
 def test_and_the_change_before_must_be_two_seconds_ago() -> None:
-    heard = Heard()
-    heard.all = PositionSources((FIRST, SECOND), return_s=0.0)
-    heard.run(100.0, 102.0, FIRST, SECOND)
-    heard.run(102.0625, 102.25, SECOND)  # three intervals of silence are borne: it is left then
-    assert heard.all.chosen == SECOND
-    heard.run(102.3125, 104.125, FIRST, SECOND)
-    assert heard.all.chosen == SECOND
-    heard.run(104.1875, 104.375, FIRST, SECOND)
-    assert heard.all.chosen == FIRST
-    assert heard.all.switches == 2
+    sources = TwoSources()
+    sources.all = PositionSources((FIRST, SECOND), return_s=0.0)
+    sources.run(100.0, 102.0, FIRST, SECOND)
+    sources.run(102.0625, 102.25, SECOND)  # three intervals of silence are borne: it is left then
+    assert sources.all.chosen == SECOND
+    sources.run(102.3125, 104.125, FIRST, SECOND)
+    assert sources.all.chosen == SECOND
+    sources.run(104.1875, 104.375, FIRST, SECOND)
+    assert sources.all.chosen == FIRST
+    assert sources.all.switches == 2
 
 
 # --- frozen, reckoned, not sane -------------------------------------------------------------------
@@ -173,11 +173,11 @@ def test_and_the_change_before_must_be_two_seconds_ago() -> None:
 def test_the_same_bits_five_times_over_and_for_a_fifth_of_a_second_are_frozen(
     repeats: int, every_s: float, is_frozen: bool
 ) -> None:
-    heard = Heard()
+    sources = TwoSources()
     for i in range(repeats + 1):
-        heard.hear(FIRST, 100.0 + i * every_s, 7.0)
-    assert heard.all.health[FIRST].repeats == repeats
-    assert heard.all.health[FIRST].repeats_itself is is_frozen
+        sources.hear(FIRST, 100.0 + i * every_s, 7.0)
+    assert sources.all.health[FIRST].repeats == repeats
+    assert sources.all.health[FIRST].repeats_itself is is_frozen
 
 
 def test_velocities_of_exactly_zero_are_a_standstill_and_unknown_ones_are_not_compared() -> None:
@@ -194,48 +194,50 @@ def test_velocities_of_exactly_zero_are_a_standstill_and_unknown_ones_are_not_co
 
 @pytest.mark.parametrize(("after_s", "is_trusted"), [(9.9, False), (10.1, True)])
 def test_what_was_not_sane_is_suspect_for_ten_seconds(after_s: float, is_trusted: bool) -> None:
-    heard = Heard()
-    heard.run(100.0, 103.0, FIRST, SECOND)
-    heard.all.distrust(103.0)
-    heard.run(103.0625, 103.5, FIRST, SECOND)
-    assert heard.all.chosen == SECOND
-    assert "is not sane" in heard.words[0]
-    heard.run(103.5625, 103.0 + after_s, FIRST, SECOND)
-    assert (heard.all.chosen == FIRST) is is_trusted
+    sources = TwoSources()
+    sources.run(100.0, 103.0, FIRST, SECOND)
+    sources.all.distrust(103.0)
+    sources.run(103.0625, 103.5, FIRST, SECOND)
+    assert sources.all.chosen == SECOND
+    assert "is not sane" in sources.words[0]
+    sources.run(103.5625, 103.0 + after_s, FIRST, SECOND)
+    assert (sources.all.chosen == FIRST) is is_trusted
 
 
 @pytest.mark.parametrize(("since_s", "counts"), [(1.9, False), (2.1, True)])
 def test_what_may_still_be_of_the_source_before_is_not_held_against_this_one(
     since_s: float, counts: bool
 ) -> None:
-    heard = Heard()
-    heard.run(100.0, 100.0 + since_s, FIRST)
-    heard.all.distrust(100.0 + since_s)
-    assert isnan(heard.all.health[FIRST].distrusted_s) is not counts
+    sources = TwoSources()
+    sources.run(100.0, 100.0 + since_s, FIRST)
+    sources.all.distrust(100.0 + since_s)
+    assert isnan(sources.all.health[FIRST].distrusted_s) is not counts
 
 
 # --- what is said ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("apart_m", "is_said"), [(0.99, False), (1.05, True)])
-def test_live_sources_that_are_a_metre_apart_are_said_once(apart_m: float, is_said: bool) -> None:
-    heard = Heard()
+@pytest.mark.parametrize(("apart_m", "is_reported"), [(0.99, False), (1.05, True)])
+def test_live_sources_that_are_a_metre_apart_are_said_once(
+    apart_m: float, is_reported: bool
+) -> None:
+    sources = TwoSources()
     for i in range(5):
-        heard.hear(FIRST, 100.0 + i / 16, 3.0 + i * 1e-6)
-        heard.hear(SECOND, 100.01 + i / 16, 3.0 + apart_m)
-    told = [text for text in heard.words if "do they share a frame?" in text]
-    assert len(told) == is_said
-    assert all("is 1.1 m from" in text or "is 1.0 m from" in text for text in told)
-    assert heard.all.health[SECOND].apart_m == pytest.approx(apart_m, abs=1e-4)
+        sources.hear(FIRST, 100.0 + i / 16, 3.0 + i * 1e-6)
+        sources.hear(SECOND, 100.01 + i / 16, 3.0 + apart_m)
+    reported = [text for text in sources.words if "do they share a frame?" in text]
+    assert len(reported) == is_reported
+    assert all("is 1.1 m from" in text or "is 1.0 m from" in text for text in reported)
+    assert sources.all.health[SECOND].apart_m == pytest.approx(apart_m, abs=1e-4)
 
 
 def test_another_clock_forgets_times_and_keeps_the_choice() -> None:
-    heard = Heard()
-    heard.run(1000.0, 1002.0, FIRST)
-    heard.all.rebase()
-    assert heard.all.chosen == FIRST
-    assert not heard.all.is_fresh(FIRST, 1002.0)
-    assert heard.hear(FIRST, 5.0)
-    health = heard.all.health[FIRST]
+    sources = TwoSources()
+    sources.run(1000.0, 1002.0, FIRST)
+    sources.all.rebase()
+    assert sources.all.chosen == FIRST
+    assert not sources.all.is_fresh(FIRST, 1002.0)
+    assert sources.hear(FIRST, 5.0)
+    health = sources.all.health[FIRST]
     assert isnan(health.period_s)
     assert health.late == 0

@@ -153,8 +153,8 @@ def test_what_is_refused_otherwise_or_at_any_rate_is_given_up(result: int, word:
     requests = wanting(200.0)
     asked(requests, 10.0)
     requests.acknowledged(result, 10.1)
-    ((stream, told, refused_hz),) = requests.notices
-    assert (told, refused_hz, stream.given_up) == (word, 200.0, True)
+    ((stream, given, refused_hz),) = requests.notices
+    assert (given, refused_hz, stream.given_up) == (word, 200.0, True)
     assert requests.all_wanted() == []
     assert asked(requests, 60.0) is None
     slow = wanting(1.0)

@@ -109,9 +109,9 @@ def test_of_a_queue_after_which_no_answer_comes_the_end_is_not_known() -> None:
     """Its age counts on, and is reported every ten seconds."""
     found, session = ages(lambda at_s: 0.15 if 20.0 < at_s < 40.0 else 0.0, 70.0, 1.0, 39.0)
     assert found[-1].shown_s == pytest.approx(0.15 - SLACK_S + QUICK_S, abs=QUICK_S)
-    told = [text for _, text in session.notices if "no answer to TIMESYNC" in text]
-    assert told[0].endswith("samples count as 0.10 s late still")
-    silent = [int(text.split(" for ")[1].split(" s")[0]) for text in told]
+    reported = [text for _, text in session.notices if "no answer to TIMESYNC" in text]
+    assert reported[0].endswith("samples count as 0.10 s late still")
+    silent = [int(text.split(" for ")[1].split(" s")[0]) for text in reported]
     assert silent[0] >= RECENT_S
     assert silent == [silent[0], silent[0] + 10, silent[0] + 20]
 

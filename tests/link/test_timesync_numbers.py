@@ -49,8 +49,8 @@ def test_it_asks_once_a_second_and_five_times_while_there_is_a_queue() -> None:
         answer(trip, 200.0 + second, 0.5)
     assert trip.queue_s > 0.0
     trip.poll(214.0)
-    seen_s = 7 / 32  # the first look after 0.2 s
-    assert asked_at(trip, 300.0) == [i * seen_s for i in range(10)]
+    look_s = 7 / 32  # the first look after 0.2 s
+    assert asked_at(trip, 300.0) == [i * look_s for i in range(10)]
 
 
 def test_an_answer_says_how_long_the_way_is_and_how_far_the_clock_is_ahead() -> None:

@@ -19,7 +19,7 @@ from tgl_soar.cli.page.command import _announce, _check_token
 STATIC = Path(__file__).parents[3] / "src/tgl_soar/cli/page/static"
 
 
-def said(*arguments: str) -> tuple[int, str]:
+def printed(*arguments: str) -> tuple[int, str]:
     done = CliRunner().invoke(app, ["page", *arguments], env={"COLUMNS": "300"})
     return done.exit_code, done.output
 
@@ -37,7 +37,7 @@ def said(*arguments: str) -> tuple[int, str]:
     ],
 )
 def test_what_cannot_be_is_refused_with_the_way_out(arguments: tuple[str, ...], words: str) -> None:
-    code, text = said(*arguments)
+    code, text = printed(*arguments)
     assert code == 2
     assert words in text
 
@@ -53,7 +53,7 @@ def test_what_cannot_be_is_refused_with_the_way_out(arguments: tuple[str, ...], 
 def test_a_bad_link_log_or_key_is_named(arguments: tuple[str, ...], words: str) -> None:
     pytest.importorskip("uvicorn", reason="the extra `page` is not installed")
     pytest.importorskip("starlette", reason="the extra `page` is not installed")
-    code, text = said(*arguments)
+    code, text = printed(*arguments)
     assert code == 2
     assert words in text
 
@@ -74,7 +74,7 @@ def test_a_port_that_is_taken_is_named() -> None:
     pytest.importorskip("starlette", reason="the extra `page` is not installed")
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        code, text = said("--link", "udpout:127.0.0.1:9", "--port", port)
+        code, text = printed("--link", "udpout:127.0.0.1:9", "--port", port)
     assert code == 2
     assert f"--port {port}: cannot be served at" in text
 
@@ -97,7 +97,7 @@ def test_it_serves_at_the_port_that_it_says_until_it_is_stopped(
             raise KeyboardInterrupt
 
     monkeypatch.setattr(uvicorn, "Server", Stopped)
-    code, text = said("--link", "udpout:127.0.0.1:9", "--port", "0")
+    code, text = printed("--link", "udpout:127.0.0.1:9", "--port", "0")
     assert code == 0, text
     ((listener, port),) = served
     assert f":{port}/" in text
@@ -113,7 +113,7 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
         return there(name, *given, **named)
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    code, text = said("--link", "udpout:127.0.0.1:9")
+    code, text = printed("--link", "udpout:127.0.0.1:9")
     assert code == 2
     assert "pip install 'tgl_soar[page]'" in text
     assert "uvicorn is missing" in text

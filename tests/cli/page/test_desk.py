@@ -100,7 +100,7 @@ def viewer(number: int, name: str) -> Viewer:
 ANNA, BERT = viewer(1, "Anna"), viewer(2, "Bert")
 
 
-def said(desk: Desk) -> list[tuple[bool, str, str]]:
+def answers(desk: Desk) -> list[tuple[bool, str, str]]:
     return [(n["ok"], n["who"], n["text"]) for n in desk._news()["notices"]]
 
 
@@ -234,13 +234,13 @@ def test_a_line_that_another_page_holds_is_not_moved(request_: Any) -> None:
     desk = desk_on()
     desk.take(BERT, Hold(token=""), 10.0)
     desk.take(ANNA, request_, 10.0 + HOLD_S)
-    assert said(desk) == [(False, "Anna", "the line is held by Bert")]
+    assert answers(desk) == [(False, "Anna", "the line is held by Bert")]
     assert desk.orders is not None
     assert not desk.orders.is_busy
     state = desk._state(10.0 + HOLD_S)
     assert (state["holder"], state["holder_name"]) == (2, "Bert")
     desk.take(ANNA, request_, 10.1 + HOLD_S)
-    assert "the line is held" not in str(said(desk))
+    assert "the line is held" not in str(answers(desk))
 
 
 @pytest.mark.parametrize("request_", [
@@ -251,7 +251,7 @@ def test_what_does_not_move_the_line_is_anybodys(request_: Any) -> None:
     desk = desk_on()
     desk.take(BERT, Hold(token=""), 10.0)
     desk.take(ANNA, request_, 10.0)
-    assert said(desk) == []
+    assert answers(desk) == []
     assert desk._state(10.0)["holder"] == 2
 
 
@@ -289,7 +289,7 @@ def test_a_page_that_has_gone_holds_nothing_and_leaves_others_theirs() -> None:
 def test_a_recording_takes_no_request() -> None:
     desk = Desk(tunnel(), None, None, b"{}")
     desk.take(ANNA, Engage(token=""), 10.0)
-    assert said(desk) == [(False, "Anna", "this is a recording: nothing can be changed")]
+    assert answers(desk) == [(False, "Anna", "this is a recording: nothing can be changed")]
     assert desk._state(10.0) == {"holder": 0, "holder_name": "", "pages": 0}
     desk.turn(10.0)
     assert msgspec.json.decode(desk.scene)["source"] == "recording"
@@ -327,7 +327,7 @@ def test_only_lines_of_the_site_are_presets(number: int, refused: bool) -> None:
     wire = Wire()
     desk = desk_on(wire)
     desk.take(ANNA, Preset(token="", number=number), 10.0)
-    assert said(desk) == ([(False, "Anna", f"the site has no line {number}")] if refused else [])
+    assert answers(desk) == ([(False, "Anna", f"the site has no line {number}")] if refused else [])
     assert wire.names() == ([] if refused else ["PARAM_SET"])
     if not refused:
         assert desk.orders is not None
@@ -344,7 +344,7 @@ def test_a_parameter_that_is_none_or_out_of_its_range_is_not_sent(
     wire = Wire()
     desk = desk_on(wire)
     desk.take(ANNA, SetParameter(token="", name=name, value=value), 10.0)
-    ((ok, who, text),) = said(desk)
+    ((ok, who, text),) = answers(desk)
     assert (ok, who) == (False, "Anna")
     assert text.startswith(words.split(": allowed")[0])
     assert ("allowed" in text) == ("allowed" in words)
@@ -364,13 +364,13 @@ def test_a_hello_asks_for_nothing() -> None:
     wire = Wire()
     desk = desk_on(wire)
     desk.take(ANNA, Hello(token=""), 10.0)
-    assert (said(desk), wire.names(), desk._state(10.0)["holder"]) == ([], [], 0)
+    assert (answers(desk), wire.names(), desk._state(10.0)["holder"]) == ([], [], 0)
 
 
 # --- a line that is looked at ------------------------------------------------------------------
 
 
-class Seen:
+class NotedForesight:
     """What the foresight is asked."""
 
     def __init__(self) -> None:
@@ -393,12 +393,12 @@ NOW = {"soar_x": 0.3, "soar_z": 1.2, "line_x": 0.2, "line_z": 1.1, "line_lean": 
 def test_a_look_begins_where_the_aircraft_is_and_on_the_line_that_it_flies(
     mode: float | None, flying: bool
 ) -> None:
-    desk, seen = desk_on(), Seen()
-    desk._foresight = seen  # type: ignore[assignment]
+    desk, foresight = desk_on(), NotedForesight()
+    desk._foresight = foresight  # type: ignore[assignment]
     assert desk.station is not None
     desk.station.now.update(NOW if mode is None else {**NOW, "soar_mode": mode})
     desk.take(ANNA, LOOK, 10.0)
-    _, wanted, start, was_flying = seen.asked
+    _, wanted, start, was_flying = foresight.asked
     assert wanted == GhostLine(0.5, 1.5, 20.0)
     assert (start.x_m, start.z_m) == (0.3, 1.2)
     assert start.line == ((0.2, 1.1, 14.0) if flying else None)
@@ -407,27 +407,27 @@ def test_a_look_begins_where_the_aircraft_is_and_on_the_line_that_it_flies(
 
 @pytest.mark.parametrize("lost", ["line_x", "line_z", "line_lean"])
 def test_a_line_of_which_a_number_is_not_known_is_no_start(lost: str) -> None:
-    desk, seen = desk_on(), Seen()
-    desk._foresight = seen  # type: ignore[assignment]
+    desk, foresight = desk_on(), NotedForesight()
+    desk._foresight = foresight  # type: ignore[assignment]
     assert desk.station is not None
     desk.station.now.update({**NOW, "soar_mode": 4.0, lost: float("nan")})
     desk.take(ANNA, LOOK, 10.0)
-    assert seen.asked[2].line is None
+    assert foresight.asked[2].line is None
 
 
 def test_the_modules_values_are_looked_with_and_the_files_where_these_disagree() -> None:
-    desk, seen = desk_on(), Seen()
-    desk._foresight = seen  # type: ignore[assignment]
+    desk, foresight = desk_on(), NotedForesight()
+    desk._foresight = foresight  # type: ignore[assignment]
     assert desk.station is not None
     desk.station.parameters["TGL_SLEW"] = 0.25
     desk.take(ANNA, LOOK, 10.0)
-    assert seen.asked[0]["TGL_SLEW"] == 0.25
-    before = seen.asked[0]
+    assert foresight.asked[0]["TGL_SLEW"] == 0.25
+    before = foresight.asked[0]
     desk.take(ANNA, LOOK, 10.1)
-    assert seen.asked[0] is before
+    assert foresight.asked[0] is before
     desk.station.parameters["FENCE_X_MIN"] = 50.0  # beyond FENCE_X_MAX: in the middle of a change
     desk.take(ANNA, LOOK, 10.2)
-    assert seen.asked[0] == tunnel().values
+    assert foresight.asked[0] == tunnel().values
 
 
 # --- the measured air --------------------------------------------------------------------------

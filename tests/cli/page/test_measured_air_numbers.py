@@ -207,11 +207,11 @@ class MadeUp:
         }  # fmt: skip
 
     def at(self, x_m: Any, z_m: Any) -> Any:
-        told = {
+        known = {
             name: np.asarray(f(x_m, z_m)) if callable(f) else np.full(x_m.shape, f)
             for name, f in self._fields.items()
         }
-        return SimpleNamespace(**told)
+        return SimpleNamespace(**known)
 
 
 def drawn(measured: MeasuredAir, made: MadeUp, *, near: bool = True) -> dict[str, Any]:

@@ -276,10 +276,10 @@ def test_what_the_module_foresees_and_measures_is_seen(
     assert window.value("getComputedStyle(page.plane.part.foreseen).visibility") == "hidden"
     engaged(window, flying)
     # Where it will stop: a mark on the line that is flown, and a gauge.
-    seen = "(name) => getComputedStyle(page.plane.part[name]).visibility === 'visible'"
-    window.until(lambda: window.page.evaluate(seen, "foreseenRing"))
+    is_visible = "(name) => getComputedStyle(page.plane.part[name]).visibility === 'visible'"
+    window.until(lambda: window.page.evaluate(is_visible, "foreseenRing"))
     window.shows("#gauge-list", "place to settle\nz 1.")
-    assert not window.page.evaluate(seen, "foreseenCross")
+    assert not window.page.evaluate(is_visible, "foreseenCross")
     # It lies above the knob of the line, where the aircraft settles there: it takes no pointer.
     mark = "['foreseenRing', 'foreseenTag'].map((n) => getComputedStyle(page.plane.part[n]))"
     assert window.value(f"{mark}.map((style) => style.pointerEvents)") == ["none", "none"]
@@ -306,10 +306,10 @@ def test_what_the_module_foresees_and_measures_is_seen(
     flying.flown.altered = sinking
     words = "place to settle\nnone: sinks below CLEAR_MIN in 1.5 s"
     window.until(lambda: window.page.inner_text("#gauge-list").startswith(words))
-    window.until(lambda: window.page.evaluate(seen, "foreseenCross"))
+    window.until(lambda: window.page.evaluate(is_visible, "foreseenCross"))
     words = window.value("page.plane.part.foreseenTag.textContent")
     assert words == "no place to settle · 1.5 s"
-    assert not window.page.evaluate(seen, "foreseenRing")
+    assert not window.page.evaluate(is_visible, "foreseenRing")
     # The way home: what it would leave, and where it leads, where there is a place at all.
     assert "height left for landing" not in window.page.inner_text("#gauge-list")
     for name, value in ((b"esc_left", 1.2), (b"esc_time", 12.0)):
@@ -326,7 +326,7 @@ def test_what_the_module_foresees_and_measures_is_seen(
     assert right - left == pytest.approx(0.6 * window.value("page.plane.scale"))
     flying.flown.altered = bytes
     window.page.click("#release")
-    window.until(lambda: not window.page.evaluate(seen, "foreseen"))
+    window.until(lambda: not window.page.evaluate(is_visible, "foreseen"))
     window.close()
 
 

@@ -189,14 +189,14 @@ def test_without_air_the_files_contour_is_drawn_and_no_map(tmp_path: Path) -> No
 
 
 def test_numbers_are_told_in_the_words_of_their_modules() -> None:
-    told = meanings()
-    assert told["modes"] == list(MODE_NAMES)
-    assert told["faults"] == [[2**i, words] for i, words in enumerate(FAULT_TEXTS)]
+    texts = meanings()
+    assert texts["modes"] == list(MODE_NAMES)
+    assert texts["faults"] == [[2**i, words] for i, words in enumerate(FAULT_TEXTS)]
     asked = [[2**i, words] for i, words in enumerate(CONDITION_TEXTS) if ENTRY & 2**i]
-    assert told["checks"][1:] == asked
-    assert told["checks"][0] == [HELD_BACK, "not held back (abort, switch, line, set-up)"]
-    assert len(told["parameters"]) == len(PARAMETERS)
-    rho = next(p for p in told["parameters"] if p["name"] == "RHO_P")
+    assert texts["checks"][1:] == asked
+    assert texts["checks"][0] == [HELD_BACK, "not held back (abort, switch, line, set-up)"]
+    assert len(texts["parameters"]) == len(PARAMETERS)
+    rho = next(p for p in texts["parameters"] if p["name"] == "RHO_P")
     assert rho == {
         "name": "RHO_P",
         "group": rho["group"],
@@ -210,4 +210,4 @@ def test_numbers_are_told_in_the_words_of_their_modules() -> None:
     }
     assert not isnan(rho["max"])
     assert rho["group"]
-    assert {"forecasts", "points"} <= told.keys()
+    assert {"forecasts", "points"} <= texts.keys()

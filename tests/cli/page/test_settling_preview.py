@@ -162,7 +162,7 @@ def test_a_landing_place_is_in_view() -> None:
     airframe_path, site_path = airframe_file("eclipson_c"), site_file("hill")
     airframe, site = load_airframe(airframe_path), load_site(site_path)
     values = load_parameters(airframe, airframe_path, site, site_path)
-    seen = place_of(airframe, site, values, site_path.parent).scene["view"]
-    assert seen[0] < values["LND_X"] < values["FENCE_X_MIN"]
+    view = place_of(airframe, site, values, site_path.parent).scene["view"]
+    assert view[0] < values["LND_X"] < values["FENCE_X_MIN"]
     without = place_of(airframe, site, values.changed({"LND_LEN": 0.0}), site_path.parent)
     assert without.scene["view"][0] > values["LND_X"]

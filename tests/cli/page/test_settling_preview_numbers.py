@@ -189,20 +189,20 @@ def test_a_line_as_it_goes_over_the_wire_is_shown() -> None:
 def test_a_staged_move_of_another_station_is_not_in_the_previews_way() -> None:
     staging = values().changed({"TGL_STAGE": 1.0})
     line = GhostLine(0.6, 1.6, 15.0)
-    seen = foresight(None)
+    preview = foresight(None)
     for flying in (False, True):
-        assert seen.verdict(staging, line, flying=flying) == ("", "")
+        assert preview.verdict(staging, line, flying=flying) == ("", "")
 
 
 def test_a_line_far_from_the_one_that_stands_is_refused_in_flight_only() -> None:
     far = values()["TGL_STEP_MAX"] + 0.1
     line = GhostLine(values()["TGL_X"] + far, values()["TGL_Z"], 15.0)
     near = line._replace(x_m=line.x_m - 0.2)
-    seen = foresight(None)
+    preview = foresight(None)
     wide = values().changed({"FENCE_X_MAX": 50.0})
-    assert "TGL_STEP_MAX" in seen.verdict(wide, line, flying=True)[0]
-    assert seen.verdict(wide, near, flying=True)[0] == ""
-    assert seen.verdict(wide, line, flying=False)[0] == ""
+    assert "TGL_STEP_MAX" in preview.verdict(wide, line, flying=True)[0]
+    assert preview.verdict(wide, near, flying=True)[0] == ""
+    assert preview.verdict(wide, line, flying=False)[0] == ""
 
 
 @pytest.mark.parametrize(("count", "kept"), [

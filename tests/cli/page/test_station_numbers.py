@@ -37,7 +37,7 @@ def codec(component: int = MODULE, system: int = 1) -> Any:
     return mavlink.MAVLink(None, system, component)
 
 
-def heard(
+def received(
     listener: Station, *messages: Any, sender: Any = None, now_s: float = 10.0, wall_s: float = 5.0
 ) -> int:
     sender = sender or codec()
@@ -65,7 +65,7 @@ def text(words: bytes, chunk: int = 0, of: int = 0, severity: int = 6) -> Any:
 def answers(listener: Station, *messages: Any) -> list[StationAnswer]:
     found: list[StationAnswer] = []
     listener.on_answer = found.append
-    heard(listener, *messages)
+    received(listener, *messages)
     return found
 
 
@@ -74,10 +74,10 @@ def answers(listener: Station, *messages: Any) -> list[StationAnswer]:
 
 def test_it_counts_the_messages_of_the_module_and_its_autopilot_only() -> None:
     listener = station()
-    assert heard(listener, named("e_rho", 1.0), beat()) == 2
-    assert heard(listener, beat(), sender=codec(AUTOPILOT)) == 1
-    assert heard(listener, beat(), beat(), sender=codec(7)) == 0
-    assert heard(listener, beat(), sender=codec(MODULE, 2)) == 0
+    assert received(listener, named("e_rho", 1.0), beat()) == 2
+    assert received(listener, beat(), sender=codec(AUTOPILOT)) == 1
+    assert received(listener, beat(), beat(), sender=codec(7)) == 0
+    assert received(listener, beat(), sender=codec(MODULE, 2)) == 0
     assert listener.receive(b"\xfd\x00garbage", 10.0, 5.0) == 0
 
 
@@ -92,9 +92,9 @@ def test_it_begins_with_nothing() -> None:
 
 def test_only_words_of_the_module_end_the_silence() -> None:
     listener = station()
-    heard(listener, beat(), sender=codec(AUTOPILOT), now_s=10.0)
+    received(listener, beat(), sender=codec(AUTOPILOT), now_s=10.0)
     assert listener.silence_s(10.0) == inf
-    heard(listener, beat(), now_s=10.0)
+    received(listener, beat(), now_s=10.0)
     assert listener.silence_s(11.5) == 1.5
     assert listener.is_alive(12.0)
     assert not listener.is_alive(12.001)
@@ -103,29 +103,29 @@ def test_only_words_of_the_module_end_the_silence() -> None:
 def test_every_name_of_telemetry_is_taken_and_no_other() -> None:
     for name in (*FAST, *SLOW):
         listener = station()
-        heard(listener, named(name, 0.5))
+        received(listener, named(name, 0.5))
         assert listener.now == {name: 0.5}
     listener = station()
-    heard(listener, named("imu_weight", 0.5))
+    received(listener, named("imu_weight", 0.5))
     assert listener.now == {}
 
 
 def test_the_modules_heartbeat_holds_its_mode_and_the_number_of_its_start() -> None:
     listener = station()
-    heard(listener, beat(start=0xABCDEF, mode=11))
+    received(listener, beat(start=0xABCDEF, mode=11))
     assert listener.now["soar_mode"] == 11.0
     assert listener.starts == 0  # the first that is known is no other one
-    heard(listener, beat(start=0xABCDEF, mode=4))
+    received(listener, beat(start=0xABCDEF, mode=4))
     assert listener.starts == 0
-    heard(listener, beat(start=0xABCDEE, mode=4))
-    heard(listener, beat(start=0xABCDED, mode=4))
+    received(listener, beat(start=0xABCDEE, mode=4))
+    received(listener, beat(start=0xABCDED, mode=4))
     assert listener.starts == 2
 
 
 def test_what_a_module_told_before_its_restart_is_forgotten() -> None:
     listener = station()
-    heard(listener, beat(start=5), named("e_rho", 1.0))
-    heard(listener, beat(start=6, mode=2))
+    received(listener, beat(start=5), named("e_rho", 1.0))
+    received(listener, beat(start=6, mode=2))
     assert listener.now == {"soar_mode": 2.0}
 
 
@@ -134,10 +134,10 @@ def test_a_float_array_is_taken_by_the_names_of_its_places() -> None:
     taken: list[tuple[float, Sequence[float]]] = []
     listener.on_array = lambda time_s, data: taken.append((time_s, list(data)))
     data = [float(i) for i in range(58)]
-    heard(listener, mavlink.MAVLink_debug_float_array_message(2_500_000, b"other", 1, data))
+    received(listener, mavlink.MAVLink_debug_float_array_message(2_500_000, b"other", 1, data))
     assert listener.now == {}
     assert taken == []
-    heard(
+    received(
         listener,
         mavlink.MAVLink_debug_float_array_message(2_500_000, ARRAY_NAME.encode(), 191, data),
     )
@@ -154,7 +154,7 @@ def test_a_float_array_is_taken_by_the_names_of_its_places() -> None:
 def test_the_autopilots_attitude_is_shown_in_degrees() -> None:
     listener = station()
     message = mavlink.MAVLink_attitude_message(0, radians(30.0), radians(-10.0), 0, 0, 0, 0)
-    heard(listener, message, sender=codec(AUTOPILOT))
+    received(listener, message, sender=codec(AUTOPILOT))
     assert listener.now["roll"] == pytest.approx(30.0, abs=1e-4)
     assert listener.now["pitch"] == pytest.approx(-10.0, abs=1e-4)
 
@@ -162,7 +162,7 @@ def test_the_autopilots_attitude_is_shown_in_degrees() -> None:
 @pytest.mark.parametrize(("base_mode", "armed"), [(0, 0.0), (128, 1.0), (127, 0.0), (129, 1.0)])
 def test_the_autopilots_heartbeat_tells_whether_it_is_armed(base_mode: int, armed: float) -> None:
     listener = station()
-    heard(listener, beat(armed=base_mode), sender=codec(AUTOPILOT))
+    received(listener, beat(armed=base_mode), sender=codec(AUTOPILOT))
     assert listener.now == {"armed": armed}
 
 
@@ -172,18 +172,18 @@ def test_the_autopilots_heartbeat_tells_whether_it_is_armed(base_mode: int, arme
 def test_a_battery_voltage_that_is_not_measured_is_not_known(millivolts: int, volts: float) -> None:
     listener = station()
     message = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, millivolts, 0, 50, *[0] * 6)
-    heard(listener, message, sender=codec(AUTOPILOT))
+    received(listener, message, sender=codec(AUTOPILOT))
     assert listener.now["battery_v"] == pytest.approx(volts, nan_ok=True)
     assert listener.now["battery"] == 0.5
 
 
-@pytest.mark.parametrize(("percent", "share"), [(-1, nan), (0, 0.0), (1, 0.01), (100, 1.0),
+@pytest.mark.parametrize(("percent", "fraction"), [(-1, nan), (0, 0.0), (1, 0.01), (100, 1.0),
                                                 (101, nan)])  # fmt: skip
-def test_what_is_left_of_a_battery_is_a_fraction(percent: int, share: float) -> None:
+def test_what_is_left_of_a_battery_is_a_fraction(percent: int, fraction: float) -> None:
     listener = station()
     message = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 11_000, 0, percent, *[0] * 6)
-    heard(listener, message, sender=codec(AUTOPILOT))
-    assert listener.now["battery"] == pytest.approx(share, nan_ok=True)
+    received(listener, message, sender=codec(AUTOPILOT))
+    assert listener.now["battery"] == pytest.approx(fraction, nan_ok=True)
 
 
 # --- texts -------------------------------------------------------------------------------------
@@ -191,8 +191,8 @@ def test_what_is_left_of_a_battery_is_a_fraction(percent: int, share: float) -> 
 
 def test_texts_are_counted_and_keep_their_source_severity_and_time() -> None:
     listener = station()
-    heard(listener, text(b"ready", severity=6), wall_s=100.0)
-    heard(listener, text(b"armed", severity=2), sender=codec(AUTOPILOT), wall_s=101.5)
+    received(listener, text(b"ready", severity=6), wall_s=100.0)
+    received(listener, text(b"armed", severity=2), sender=codec(AUTOPILOT), wall_s=101.5)
     first, second = listener.texts
     assert first._asdict() == {
         "number": 1,
@@ -209,8 +209,8 @@ def test_texts_are_counted_and_keep_their_source_severity_and_time() -> None:
 
 def test_a_further_piece_keeps_the_number_of_the_first() -> None:
     listener = station()
-    heard(listener, text(b"before"))
-    heard(listener, text(b"one ", 0, 9), text(b"two ", 1, 9), text(b"three", 2, 9))
+    received(listener, text(b"before"))
+    received(listener, text(b"one ", 0, 9), text(b"two ", 1, 9), text(b"three", 2, 9))
     assert [(t.number, t.first, t.text) for t in listener.texts] == [
         (1, 1, "before"),
         (4, 2, "one two three"),
@@ -219,21 +219,21 @@ def test_a_further_piece_keeps_the_number_of_the_first() -> None:
 
 def test_a_piece_is_put_behind_no_text_of_another_source_and_none_that_is_whole() -> None:
     listener = station()
-    heard(listener, text(b"of the module", 0, 9))
-    heard(listener, text(b"of the autopilot", 1, 9), sender=codec(AUTOPILOT))
+    received(listener, text(b"of the module", 0, 9))
+    received(listener, text(b"of the autopilot", 1, 9), sender=codec(AUTOPILOT))
     assert [t.text for t in listener.texts] == ["of the module", "of the autopilot"]
-    heard(listener, text(b"first", 0, 4), sender=codec(AUTOPILOT))
-    heard(listener, text(b"without a number", 1, 0), sender=codec(AUTOPILOT))
+    received(listener, text(b"first", 0, 4), sender=codec(AUTOPILOT))
+    received(listener, text(b"without a number", 1, 0), sender=codec(AUTOPILOT))
     assert [t.text for t in listener.texts][2:] == ["first", "without a number"]
     alone = station()
-    heard(alone, text(b"the rest of a lost one", 1, 9))
+    received(alone, text(b"the rest of a lost one", 1, 9))
     assert [t.text for t in alone.texts] == ["the rest of a lost one"]
 
 
 def test_the_newest_two_hundred_texts_are_kept() -> None:
     listener = station()
     for i in range(205):
-        heard(listener, text(f"text {i}".encode()))
+        received(listener, text(f"text {i}".encode()))
     assert len(listener.texts) == TEXTS == 200
     assert listener.texts[0].text == "text 5"
     assert listener.text_number == 205
@@ -328,23 +328,25 @@ def test_what_is_missing_is_asked_for_by_name_every_two_seconds_while_the_module
 
     listener = station()
     assert asked(5.0) == []  # nobody has spoken
-    heard(listener, beat(), now_s=10.0)
+    received(listener, beat(), now_s=10.0)
     assert [m.get_type() for m in sent(listener)] == ["PARAM_REQUEST_LIST"]
     assert asked(11.99) == []  # the whole list was asked for
     assert asked(12.0) == [p.name for p in PARAMETERS][:16]
     assert FETCHED_AT_ONCE == 16
-    heard(listener, beat(), now_s=13.0)
+    received(listener, beat(), now_s=13.0)
     assert asked(13.9) == []
     first = PARAMETERS[0].name
-    heard(listener, mavlink.MAVLink_param_value_message(first.encode(), 0.5, 9, 91, 0), now_s=13.9)
+    received(
+        listener, mavlink.MAVLink_param_value_message(first.encode(), 0.5, 9, 91, 0), now_s=13.9
+    )
     assert asked(14.0) == [p.name for p in PARAMETERS][1:17]
     assert asked(16.5) == []  # it is silent
 
 
 def test_the_list_is_asked_for_at_the_modules_first_word_of_a_start_only() -> None:
     listener = station()
-    heard(listener, beat(5))
-    heard(listener, beat(5))
+    received(listener, beat(5))
+    received(listener, beat(5))
     (message,) = sent(listener)
     assert message.get_type() == "PARAM_REQUEST_LIST"
     assert (message.target_system, message.target_component) == (1, MODULE)
@@ -355,7 +357,7 @@ def test_the_list_is_asked_for_at_the_modules_first_word_of_a_start_only() -> No
 
 def test_rows_are_a_fifth_of_a_second_apart_and_the_last_minute_is_kept() -> None:
     listener = station()
-    heard(listener, named("e_rho", 0.123456), now_s=0.0)
+    received(listener, named("e_rho", 0.123456), now_s=0.0)
     for i in range(4001):
         listener.step(i * 0.02)
     # 80 s in fifths of a second, the first at once.
@@ -383,7 +385,7 @@ def test_rows_keep_their_pace_though_turns_come_late() -> None:
 
 def test_a_row_has_the_columns_of_the_strips_in_four_digits() -> None:
     listener = station()
-    heard(listener, named("e_rho", 0.123456), now_s=10.0)
+    received(listener, named("e_rho", 0.123456), now_s=10.0)
     listener.step(10.12345)
     (row,) = listener.rows
     found = dict(zip(ROW, row, strict=True))
@@ -401,7 +403,7 @@ def test_the_strips_have_a_column_for_each_of_these() -> None:
     )
     listener = station()
     listener.now.update({name: 0.5 + i for i, name in enumerate(names)})
-    heard(listener, named("e_rho", 2.5), now_s=10.0)
+    received(listener, named("e_rho", 2.5), now_s=10.0)
     listener.step(10.0)
     found = dict(zip(ROW, listener.rows[-1], strict=True))
     assert found == {"t": 10.0} | {name: 0.5 + i for i, name in enumerate(names)}
@@ -442,9 +444,9 @@ def test_a_forged_frame_from_the_future_does_not_shut_out_the_module() -> None:
         sender.signing.timestamp = int((wall_s - 1_420_070_400.0) * 1e5)
         return sender
 
-    assert heard(listener, named("e_rho", 1.0), sender=signed(key, WALL_S)) == 1
-    assert heard(listener, named("e_rho", 2.0), sender=signed(bytes(32), WALL_S + 1e6)) == 0
-    assert heard(listener, named("e_rho", 3.0), sender=signed(key, WALL_S + 1.0)) == 1
+    assert received(listener, named("e_rho", 1.0), sender=signed(key, WALL_S)) == 1
+    assert received(listener, named("e_rho", 2.0), sender=signed(bytes(32), WALL_S + 1e6)) == 0
+    assert received(listener, named("e_rho", 3.0), sender=signed(key, WALL_S + 1.0)) == 1
     assert listener.now["e_rho"] == 3.0
 
 
@@ -494,5 +496,5 @@ def test_all_that_the_page_reads_is_kept(message: Any) -> None:
 
 def test_a_number_that_is_none_is_kept_as_it_is() -> None:
     listener = station()
-    heard(listener, named("e_rho", nan))
+    received(listener, named("e_rho", nan))
     assert isnan(listener.now["e_rho"])

@@ -75,16 +75,20 @@ def test_an_attitude_is_asked_for_without_rates_thrust_or_a_heading(
 ) -> None:
     """The heading of a fixed wing follows from its bank."""
     setpoints = NO_SETPOINTS._replace(roll_rad=roll, pitch_rad=pitch)
-    (said,) = Px4(CHANNELS, SYSTEM).commands(SurfaceCommand(1.0, 1.0, 1.0), setpoints)
-    assert isinstance(said, SetAttitudeTarget)
-    assert (said.time_boot_ms, said.target_system, said.target_component) == (0, SYSTEM, AUTOPILOT)
-    assert said.type_mask == (
+    (message,) = Px4(CHANNELS, SYSTEM).commands(SurfaceCommand(1.0, 1.0, 1.0), setpoints)
+    assert isinstance(message, SetAttitudeTarget)
+    assert (message.time_boot_ms, message.target_system, message.target_component) == (
+        0,
+        SYSTEM,
+        AUTOPILOT,
+    )
+    assert message.type_mask == (
         mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE
         | mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE
         | mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE
         | mavlink.ATTITUDE_TARGET_TYPEMASK_THROTTLE_IGNORE
     )
-    assert euler_from_quaternion(*said.q) == pytest.approx((roll, pitch, 0.0))
+    assert euler_from_quaternion(*message.q) == pytest.approx((roll, pitch, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -101,9 +105,9 @@ def test_sticks_go_to_a_thousand_and_elevator_up_is_pulled(
     surfaces: SurfaceCommand, sticks: tuple[int, int, int]
 ) -> None:
     """MANUAL_CONTROL: "X-axis … generally corresponds to forward(1000)-backward(-1000)"."""
-    (said,) = Px4(CHANNELS, SYSTEM, MANUAL_CONTROL).commands(surfaces, NO_SETPOINTS)
+    (message,) = Px4(CHANNELS, SYSTEM, MANUAL_CONTROL).commands(surfaces, NO_SETPOINTS)
     x, y, r = sticks
-    assert said == ManualControl(target=SYSTEM, x=x, y=y, z=0, r=r)  # no thrust
+    assert message == ManualControl(target=SYSTEM, x=x, y=y, z=0, r=r)  # no thrust
 
 
 @pytest.mark.parametrize(
@@ -118,8 +122,8 @@ def test_actuators_are_the_attitude_s_group_and_no_thrust(
     surfaces: SurfaceCommand, controls: tuple[float, float, float]
 ) -> None:
     """Group 0 of PX4's mixers: roll, pitch, yaw, thrust, flaps, spoilers, air brakes, gear."""
-    (said,) = Px4(CHANNELS, SYSTEM, ACTUATORS).commands(surfaces, NO_SETPOINTS, 1.0)
-    assert said == SetActuatorControlTarget(
+    (message,) = Px4(CHANNELS, SYSTEM, ACTUATORS).commands(surfaces, NO_SETPOINTS, 1.0)
+    assert message == SetActuatorControlTarget(
         time_usec=0,
         target_system=SYSTEM,
         target_component=AUTOPILOT,

@@ -102,38 +102,38 @@ def test_an_unknown_route_is_named_with_those_that_are() -> None:
 
 
 def test_arduplane_takes_the_yaw_of_an_attitude_for_its_rudder() -> None:
-    (said,) = target("ardupilot", "attitude").commands(UP, NOSE_UP)
-    assert isinstance(said, SetAttitudeTarget)
-    roll, pitch, yaw = euler_from_quaternion(*said.q)
+    (message,) = target("ardupilot", "attitude").commands(UP, NOSE_UP)
+    assert isinstance(message, SetAttitudeTarget)
+    roll, pitch, yaw = euler_from_quaternion(*message.q)
     assert (roll, pitch, yaw) == pytest.approx((-0.1, 0.2, pi / 4.0))
-    assert said.type_mask == 0b01000111  # the attitude alone: no rates, no thrust
+    assert message.type_mask == 0b01000111  # the attitude alone: no rates, no thrust
     assert target("ardupilot", "attitude").route.loops == THEIRS_WITH_RUDDER
 
 
 def test_px4_s_attitude_is_level_in_yaw() -> None:
-    (said,) = target("px4").commands(UP, NOSE_UP)
-    assert isinstance(said, SetAttitudeTarget)
-    assert euler_from_quaternion(*said.q) == pytest.approx((-0.1, 0.2, 0.0))
+    (message,) = target("px4").commands(UP, NOSE_UP)
+    assert isinstance(message, SetAttitudeTarget)
+    assert euler_from_quaternion(*message.q) == pytest.approx((-0.1, 0.2, 0.0))
 
 
 def test_px4_s_stick_is_pushed_to_lower_the_nose() -> None:
-    (said,) = target("px4", "manual_control").commands(UP, NO_SETPOINTS)
-    assert said == ManualControl(target=1, x=-500, y=-250, z=0, r=1000)
+    (message,) = target("px4", "manual_control").commands(UP, NO_SETPOINTS)
+    assert message == ManualControl(target=1, x=-500, y=-250, z=0, r=1000)
 
 
 def test_px4_s_actuators_are_roll_pitch_yaw() -> None:
-    (said,) = target("px4", "actuators").commands(UP, NO_SETPOINTS)
-    assert isinstance(said, SetActuatorControlTarget)
-    assert said.controls[:3] == (-0.25, 0.5, 1.0)
+    (message,) = target("px4", "actuators").commands(UP, NO_SETPOINTS)
+    assert isinstance(message, SetActuatorControlTarget)
+    assert message.controls[:3] == (-0.25, 0.5, 1.0)
 
 
 @pytest.mark.parametrize("fraction", [-1.0, -0.5, 0.0, 0.3, 1.0])
 def test_paparazzi_s_eight_bits_have_the_sign_and_the_size_that_were_meant(fraction: float) -> None:
-    (said,) = target("paparazzi").commands(
+    (message,) = target("paparazzi").commands(
         SurfaceCommand(fraction, fraction, fraction), NO_SETPOINTS
     )
-    assert isinstance(said, RcChannelsOverride)
-    roll_us, pitch_us, throttle_us, yaw_us = said.channels[:4]
+    assert isinstance(message, RcChannelsOverride)
+    roll_us, pitch_us, throttle_us, yaw_us = message.channels[:4]
     # What its mavlink.c makes of them; its division truncates.
     roll = int(-(roll_us - 1500) * 255 / 1100 / 2)
     pitch = int(-(pitch_us - 1500) * 255 / 1100 / 2)

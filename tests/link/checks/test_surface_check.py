@@ -259,9 +259,9 @@ def test_armed_it_is_left_alone_once_its_speed_is_not_told_any_more() -> None:
     bench.speed_mps = 0.1
     bench.hear_heartbeat()
     assert bench.check.refusal(bench.now_s) == ""
-    bench.speed_mps, told_s = None, bench.now_s
+    bench.speed_mps, reported_s = None, bench.now_s
     assert len(bench.run()) < len(STOPS)
-    assert bench.now_s - told_s == pytest.approx(HEARTBEAT_MAX_S, abs=0.1)
+    assert bench.now_s - reported_s == pytest.approx(HEARTBEAT_MAX_S, abs=0.1)
     assert bench.check.refusal(bench.now_s) == NO_SPEED
 
 

@@ -114,10 +114,10 @@ def test_before_the_first_heartbeat_nothing_may_be_moved() -> None:
     assert SurfaceCheck(CHANNELS, pilot, 0.5, 1.0).refusal(0.0) == "no heartbeat of the autopilot"
 
 
-@pytest.mark.parametrize(("age_s", "is_heard"), [(2.9, True), (3.1, False)])
-def test_a_heartbeat_counts_for_three_seconds(age_s: float, is_heard: bool) -> None:
+@pytest.mark.parametrize(("age_s", "is_received"), [(2.9, True), (3.1, False)])
+def test_a_heartbeat_counts_for_three_seconds(age_s: float, is_received: bool) -> None:
     refusal = check().refusal(100.0 + age_s)
-    assert refusal == ("" if is_heard else "no heartbeat of the autopilot")
+    assert refusal == ("" if is_received else "no heartbeat of the autopilot")
 
 
 @pytest.mark.parametrize(
@@ -172,9 +172,9 @@ def test_before_any_step_no_latency_is_known() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pulse_us", "is_seen"), [(1590, False), (1600, True), (1610, True), (0, False)]
+    ("pulse_us", "is_shown"), [(1590, False), (1600, True), (1610, True), (0, False)]
 )
-def test_half_of_a_step_shows_it_once(pulse_us: int, is_seen: bool) -> None:
+def test_half_of_a_step_shows_it_once(pulse_us: int, is_shown: bool) -> None:
     """Of 200 us."""
     made = check()
     made.step(100.0)
@@ -182,7 +182,7 @@ def test_half_of_a_step_shows_it_once(pulse_us: int, is_seen: bool) -> None:
     made.step(101.0)
     made.take(outputs(_2=pulse_us), 101.08)
     least_s, most_s = made.latencies_s
-    if not is_seen:
+    if not is_shown:
         assert isnan(least_s)
         return
     assert least_s == most_s == pytest.approx(0.08)

@@ -123,26 +123,26 @@ def of_the_silence(talk: Session) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("said", "words", "reckoned"),
+    ("flags", "words", "reckoned"),
     [(AIDED, "measured, which nobody knows now", False), (HEIGHT, "dead reckoned, which", True)],
 )
 def test_what_was_said_too_long_ago_is_reported_once_and_an_uncertainty_stays(
-    said: int, words: str, reckoned: bool
+    flags: int, words: str, reckoned: bool
 ) -> None:
     talk = session()
     hear(talk, ekf3(AIDED), 1.0)
-    hear(talk, ekf3(said), 1.2)
+    hear(talk, ekf3(flags), 1.2)
     talk.poll(1.2 + STATUS_AGE_MAX_S)
     assert of_the_silence(talk) == []
     for k in range(50):
         talk.poll(1.3 + STATUS_AGE_MAX_S + 0.1 * k)
-    (told,) = of_the_silence(talk)
-    assert words in told
+    (reported,) = of_the_silence(talk)
+    assert words in reported
     assert place(talk, 12_000) == reckoned
     hear(talk, ekf3(AIDED), 12.1)
     assert not place(talk, 12_200)
-    (told,) = of_the_silence(talk)
-    assert told.endswith("reports again")
+    (reported,) = of_the_silence(talk)
+    assert reported.endswith("reports again")
     talk.poll(12.0 + STATUS_AGE_MAX_S)
     assert of_the_silence(talk) == []
 
@@ -167,11 +167,11 @@ def test_nobody_else_has_a_say_and_what_the_autopilot_did_not_measure_is_not_mea
     assert not place(talk, 1100)
     hear(talk, ekf3(HEIGHT), 1.2)
     assert place(talk, 1300)
-    seen = VisionPositionEstimate(
+    pose = VisionPositionEstimate(
         usec=1_400_000, x=1.0, y=2.0, z=-3.0, roll=0.0, pitch=0.0, yaw=0.0
     )
     for k in range(200):
-        hear(talk, seen._replace(usec=seen.usec + 20_000 * k), 1.4 + 0.02 * k, BRIDGE)
+        hear(talk, pose._replace(usec=pose.usec + 20_000 * k), 1.4 + 0.02 * k, BRIDGE)
     assert talk.position.source == VISION
     assert not talk.position.reckoned
 

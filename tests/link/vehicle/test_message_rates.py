@@ -275,23 +275,23 @@ def refused(name: str, result: int, firmware: str = "ardupilot") -> str:
 def test_what_is_not_known_without_a_message_is_said_once_it_is_given_up(
     firmware: str, name: str, rate: str, words: str
 ) -> None:
-    said = refused(name, RESULT_UNSUPPORTED, firmware)
-    assert said.startswith(f"{name} at {rate} Hz unsupported: ")
-    assert said.endswith(words)
+    text = refused(name, RESULT_UNSUPPORTED, firmware)
+    assert text.startswith(f"{name} at {rate} Hz unsupported: ")
+    assert text.endswith(words)
 
 
 @pytest.mark.parametrize(
     ("name", "slower"), [("EKF_STATUS_REPORT", "2"), ("DISTANCE_SENSOR", "10")]
 )
 def test_what_comes_more_slowly_is_known_still(name: str, slower: str) -> None:
-    said = refused(name, RESULT_DENIED)
-    assert "SCHED_LOOP_RATE" in said
-    assert said.endswith(f"; asking for {slower} Hz")
+    text = refused(name, RESULT_DENIED)
+    assert "SCHED_LOOP_RATE" in text
+    assert text.endswith(f"; asking for {slower} Hz")
 
 
 def test_the_slowest_rate_that_is_denied_is_given_up() -> None:
-    said = refused("GPS_RAW_INT", RESULT_DENIED)
-    assert said == "GPS_RAW_INT at 1 Hz denied: how accurate the receiver is remains unknown"
+    text = refused("GPS_RAW_INT", RESULT_DENIED)
+    assert text == "GPS_RAW_INT at 1 Hz denied: how accurate the receiver is remains unknown"
 
 
 @pytest.mark.parametrize(
@@ -299,5 +299,5 @@ def test_the_slowest_rate_that_is_denied_is_given_up() -> None:
 )
 def test_without_more_heartbeats_the_pilot_s_mode_is_seen_later(result: int, end: str) -> None:
     """They come once a second of themselves."""
-    said = refused("HEARTBEAT", result)
-    assert said.endswith(f": a mode that the pilot chooses is seen up to a second later{end}")
+    text = refused("HEARTBEAT", result)
+    assert text.endswith(f": a mode that the pilot chooses is seen up to a second later{end}")

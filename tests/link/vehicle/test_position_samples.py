@@ -75,7 +75,7 @@ def vision_session(**options: Any) -> Session:
 def test_a_position_overheard_from_a_bridge_that_is_accepted() -> None:
     talk = vision_session()
     covariance = (0.0004, *(0.0,) * 5, 0.0001, *(0.0,) * 4, 0.0009, *(0.0,) * 9)
-    seen = VisionPositionEstimate(
+    pose = VisionPositionEstimate(
         usec=77_000_000_000,
         x=1.0,
         y=2.0,
@@ -86,24 +86,24 @@ def test_a_position_overheard_from_a_bridge_that_is_accepted() -> None:
         covariance=covariance,
     )
     for stranger in (STRANGER, AUTOPILOT, OWN):
-        hear(talk, seen, 5.0, stranger)
+        hear(talk, pose, 5.0, stranger)
     assert talk.position.sequence == 0
     assert talk.counters.foreign == 3
-    hear(talk, seen, 5.0, BRIDGE)
+    hear(talk, pose, 5.0, BRIDGE)
     assert talk.position[:5] == pytest.approx((1, 5.0, 1.0, 2.0, -3.0))
     assert talk.position.source == VISION
     assert talk.position.sigma_m == pytest.approx(0.03)
     assert talk.sources.attitude is not None
     assert euler_from_quaternion(*talk.sources.attitude) == pytest.approx((0.1, 0.2, 0.3))
-    hear(talk, seen._replace(usec=77_000_010_000, x=nan), 5.01, BRIDGE)
-    hear(talk, seen._replace(usec=77_000_020_000, yaw=nan), 5.02, BRIDGE)
+    hear(talk, pose._replace(usec=77_000_010_000, x=nan), 5.01, BRIDGE)
+    hear(talk, pose._replace(usec=77_000_020_000, yaw=nan), 5.02, BRIDGE)
     assert talk.position.sequence == 2
     assert talk.sources.attitude is None
 
 
 def test_its_clock_is_not_the_autopilot_s() -> None:
     talk = vision_session()
-    seen = VisionPositionEstimate(usec=0, x=1.0, y=2.0, z=-3.0, roll=0.0, pitch=0.0, yaw=0.0)
+    pose = VisionPositionEstimate(usec=0, x=1.0, y=2.0, z=-3.0, roll=0.0, pitch=0.0, yaw=0.0)
     for i in range(200):
         now = 10.0 + i * 0.01
         hear(
@@ -113,20 +113,20 @@ def test_its_clock_is_not_the_autopilot_s() -> None:
             ),
             now + 0.002,
         )
-        hear(talk, seen._replace(usec=(5_200 + i * 10) * 1000), now, BRIDGE)
+        hear(talk, pose._replace(usec=(5_200 + i * 10) * 1000), now, BRIDGE)
         assert talk.sources.health[VISION].newest_s == pytest.approx(now, abs=1e-3)
     for i in range(5):
-        hear(talk, seen._replace(usec=i * 10_000), 13.0 + i * 0.01, BRIDGE)
+        hear(talk, pose._replace(usec=i * 10_000), 13.0 + i * 0.01, BRIDGE)
     assert talk.counters.reboots == 0
 
 
 def test_the_nose_of_a_level_aircraft_is_where_its_yaw_says() -> None:
     """A vision bridge with a pitch of 30 degrees: the quaternion's own sine."""
     talk = vision_session()
-    seen = VisionPositionEstimate(
+    pose = VisionPositionEstimate(
         usec=1_000_000, x=0.0, y=0.0, z=0.0, roll=0.0, pitch=radians(30.0), yaw=0.0
     )
-    hear(talk, seen, 1.0, BRIDGE)
+    hear(talk, pose, 1.0, BRIDGE)
     assert talk.sources.attitude is not None
     w, x, y, z = talk.sources.attitude
     assert degrees(asin(2.0 * (w * y - z * x))) == pytest.approx(30.0)

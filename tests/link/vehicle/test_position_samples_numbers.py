@@ -128,8 +128,8 @@ def test_a_hundred_kilometres_from_home_is_no_place_of_this_flight(
     assert talk.position.sequence == (not is_far)
     where = f"{HOME.latitude_deg + north:.4f}, {HOME.longitude_deg + east:.4f}"
     words = f"GLOBAL_POSITION_INT at {where}: no fix, or not near position.home"
-    told = [text for _, text in talk.notices if "GLOBAL_POSITION_INT at" in text]
-    assert told == ([words] if is_far else [])
+    reported = [text for _, text in talk.notices if "GLOBAL_POSITION_INT at" in text]
+    assert reported == ([words] if is_far else [])
 
 
 def test_without_a_home_a_global_one_is_nowhere() -> None:
@@ -171,8 +171,8 @@ def test_other_frames_are_counted_and_told_once(frame: int, child: int) -> None:
         hear(talk, message._replace(frame_id=frame, child_frame_id=child), 5.0 + 0.02 * i)
     assert talk.counters.wrong_frame == 2
     assert talk.position.sequence == 0
-    told = [text for _, text in talk.notices if "ODOMETRY in frames" in text]
-    assert told == [
+    reported = [text for _, text in talk.notices if "ODOMETRY in frames" in text]
+    assert reported == [
         f"ODOMETRY in frames {frame}, {child}: send LOCAL_NED or LOCAL_FRD with BODY_FRD"
     ]
 

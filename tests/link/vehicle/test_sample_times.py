@@ -62,7 +62,7 @@ class Vehicle:
             self.times.poll(self.now_s)
         return age_s
 
-    def said(self, words: str) -> list[tuple[int, str]]:
+    def reported(self, words: str) -> list[tuple[int, str]]:
         return [notice for notice in self.notices if words in notice[1]]
 
 
@@ -215,7 +215,7 @@ def test_another_clock_is_reported_every_ten_seconds() -> None:
     for _ in range(11):  # every 2.1 s it stops and begins again, which counts anew
         vehicle.run(0.1, also_ahead_s=7.5)
         vehicle.run(2.0)
-    assert len(vehicle.said("stamps of another clock")) == 3  # after 0, 10.5 and 21 s
+    assert len(vehicle.reported("stamps of another clock")) == 3  # after 0, 10.5 and 21 s
 
 
 # --- a clock that is another one -----------------------------------------------------------------
@@ -247,8 +247,10 @@ def test_a_clock_that_leaps_ahead_was_no_restart_and_is_said_to_be_another(
     vehicle.run(2.0)
     assert vehicle.counters.reboots == 1
     text = f"the autopilot's clock is another one, {words} ahead of the last"
-    assert vehicle.said("another one") == [(SEVERITY_INFO, f"{text}: asking for its streams again")]
-    assert vehicle.said("restarted") == []
+    assert vehicle.reported("another one") == [
+        (SEVERITY_INFO, f"{text}: asking for its streams again")
+    ]
+    assert vehicle.reported("restarted") == []
 
 
 def test_another_s_clock_that_restarts_is_no_restart_of_the_vehicle() -> None:
@@ -274,16 +276,16 @@ def test_two_autopilots_under_one_name_are_reported_and_neither_is_flown_with() 
     vehicle.run(2.0, also_ahead_s=-20.0)
     assert vehicle.hear() is None
     words = "two autopilots are 1:1, one 20.0 s behind the other: neither is flown with"
-    assert vehicle.said("two autopilots") == [(SEVERITY_ERROR, words)]
-    assert vehicle.said("only one") == []
+    assert vehicle.reported("two autopilots") == [(SEVERITY_ERROR, words)]
+    assert vehicle.reported("only one") == []
     age_s = vehicle.run(4.0)
     assert age_s is not None
     assert age_s < 0.005
-    assert vehicle.said("two autopilots") == [(SEVERITY_ERROR, words)]
+    assert vehicle.reported("two autopilots") == [(SEVERITY_ERROR, words)]
     alone = (SEVERITY_INFO, "only one autopilot sends as 1:1 again")
-    assert vehicle.said("only one") == [alone]
+    assert vehicle.reported("only one") == [alone]
     vehicle.run(2.0, also_ahead_s=-20.0)
-    assert len(vehicle.said("two autopilots")) == 2
+    assert len(vehicle.reported("two autopilots")) == 2
 
 
 # --- a queue on the link -------------------------------------------------------------------------

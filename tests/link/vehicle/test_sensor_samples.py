@@ -392,13 +392,13 @@ wild_message = st.one_of(
     ]
 )
 def test_whatever_comes_samples_are_finite_and_only_of_whom_is_accepted(
-    said: list[tuple[Inbound, Source, float]],
+    messages: list[tuple[Inbound, Source, float]],
 ) -> None:
     for flavour in (ArduPilot, Px4Like):
         order = (VISION, GLOBAL_POSITION, LOCAL_POSITION)
         talk = session(flavour, sources=PositionSources(order), vision_from=(BRIDGE,), home=HOME)
         now = 0.0
-        for message, source, step_s in said:
+        for message, source, step_s in messages:
             now += step_s
             before = talk.imu, talk.airspeed, talk.surfaces, talk.position
             hear(talk, message, now, source)

@@ -30,7 +30,7 @@ BEAT = Heartbeat(
 ARMED = BEAT.base_mode | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
-class Heard:
+class NotedStatus:
     """The state, and what it writes to."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class Heard:
 
 
 def test_before_the_first_nothing_is_known() -> None:
-    known = Heard().known
+    known = NotedStatus().known
     assert not known.is_known
     assert known.custom_mode == -1
     assert known.mismatch == ""
@@ -55,17 +55,17 @@ def test_before_the_first_nothing_is_known() -> None:
 
 
 def test_a_heartbeat_says_its_mode_its_time_and_whether_it_is_armed() -> None:
-    heard = Heard()
-    heard.hear(12.0, base_mode=ARMED)
-    status = heard.known.status
-    assert heard.known.is_known
+    vehicle = NotedStatus()
+    vehicle.hear(12.0, base_mode=ARMED)
+    status = vehicle.known.status
+    assert vehicle.known.is_known
     assert (status.time_s, status.armed, status.accepts_surfaces) == (12.0, True, True)
     assert not status.failsafe
-    heard.hear(13.0, custom_mode=FBWA)
-    status = heard.known.status
-    assert heard.known.custom_mode == FBWA
+    vehicle.hear(13.0, custom_mode=FBWA)
+    status = vehicle.known.status
+    assert vehicle.known.custom_mode == FBWA
     assert (status.time_s, status.armed, status.accepts_surfaces) == (13.0, False, False)
-    assert heard.counters.heartbeats == 2
+    assert vehicle.counters.heartbeats == 2
 
 
 @pytest.mark.parametrize(
@@ -73,49 +73,49 @@ def test_a_heartbeat_says_its_mode_its_time_and_whether_it_is_armed() -> None:
     [{"autopilot": mavlink.MAV_AUTOPILOT_INVALID}, {"type": mavlink.MAV_TYPE_GCS}],
 )
 def test_a_heartbeat_of_no_autopilot_says_nothing(other: dict[str, int]) -> None:
-    heard = Heard()
-    heard.hear(1.0, custom_mode=FBWA)
-    heard.hear(2.0, **other)
-    assert heard.known.custom_mode == FBWA
-    assert heard.known.status.time_s == 1.0
-    assert heard.counters.heartbeats == 1
+    vehicle = NotedStatus()
+    vehicle.hear(1.0, custom_mode=FBWA)
+    vehicle.hear(2.0, **other)
+    assert vehicle.known.custom_mode == FBWA
+    assert vehicle.known.status.time_s == 1.0
+    assert vehicle.counters.heartbeats == 1
 
 
 def test_another_firmware_accepts_nothing_and_is_told_of_once_as_an_error() -> None:
-    heard = Heard()
+    vehicle = NotedStatus()
     for now_s in (1.0, 2.0):
-        heard.hear(now_s, autopilot=mavlink.MAV_AUTOPILOT_PX4)
-    assert not heard.known.status.accepts_surfaces
-    ((severity, words),) = heard.notices
+        vehicle.hear(now_s, autopilot=mavlink.MAV_AUTOPILOT_PX4)
+    assert not vehicle.known.status.accepts_surfaces
+    ((severity, words),) = vehicle.notices
     assert severity == mavlink.MAV_SEVERITY_ERROR
-    assert words == heard.known.mismatch
+    assert words == vehicle.known.mismatch
     assert "MAV_AUTOPILOT 12, not 3" in words
-    heard.hear(3.0)  # the right one: nothing is to be said
-    assert heard.known.mismatch == ""
-    assert heard.known.status.accepts_surfaces
-    assert len(heard.notices) == 1
-    heard.hear(4.0, autopilot=mavlink.MAV_AUTOPILOT_PX4)
-    assert len(heard.notices) == 2
+    vehicle.hear(3.0)  # the right one: nothing is to be said
+    assert vehicle.known.mismatch == ""
+    assert vehicle.known.status.accepts_surfaces
+    assert len(vehicle.notices) == 1
+    vehicle.hear(4.0, autopilot=mavlink.MAV_AUTOPILOT_PX4)
+    assert len(vehicle.notices) == 2
 
 
 def test_restarts_are_counted_from_its_next_word_on_or_when_they_are_noticed() -> None:
-    heard = Heard()
-    heard.hear(1.0)
-    assert heard.known.status.boots == 0
-    heard.counters.reboots = 1
-    heard.hear(2.0)
-    assert heard.known.status.boots == 1
-    heard.counters.reboots = 2
-    heard.known.restarted()
-    assert (heard.known.status.boots, heard.known.status.time_s) == (2, 2.0)
+    vehicle = NotedStatus()
+    vehicle.hear(1.0)
+    assert vehicle.known.status.boots == 0
+    vehicle.counters.reboots = 1
+    vehicle.hear(2.0)
+    assert vehicle.known.status.boots == 1
+    vehicle.counters.reboots = 2
+    vehicle.known.restarted()
+    assert (vehicle.known.status.boots, vehicle.known.status.time_s) == (2, 2.0)
 
 
 def test_a_clock_that_is_changed_is_the_heartbeat_s_too() -> None:
-    heard = Heard()
-    heard.hear(1000.0, base_mode=ARMED)
-    heard.known.rebase(3.0)
-    assert heard.known.status.time_s == 3.0
-    assert heard.known.status.armed
+    vehicle = NotedStatus()
+    vehicle.hear(1000.0, base_mode=ARMED)
+    vehicle.known.rebase(3.0)
+    assert vehicle.known.status.time_s == 3.0
+    assert vehicle.known.status.armed
 
 
 @pytest.mark.parametrize(
@@ -123,6 +123,6 @@ def test_a_clock_that_is_changed_is_the_heartbeat_s_too() -> None:
     [(mavlink.MAV_STATE_ACTIVE, False), (mavlink.MAV_STATE_CRITICAL, True)],
 )
 def test_a_failsafe_that_it_reports_is_known(state: int, failsafe: bool) -> None:
-    heard = Heard()
-    heard.hear(1.0, system_status=state)
-    assert heard.known.status.failsafe is failsafe
+    vehicle = NotedStatus()
+    vehicle.hear(1.0, system_status=state)
+    assert vehicle.known.status.failsafe is failsafe
