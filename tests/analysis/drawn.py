@@ -48,7 +48,7 @@ FILES: Final = (
 Shown = dict[str, Any]
 
 
-def said(made: Claim | Table) -> Shown:
+def in_words(made: Claim | Table) -> Shown:
     """A claim or a table, in its words."""
     if isinstance(made, Claim):
         return {"claim": made.text, "holds": bool(made.holds), "measured": made.measured}

@@ -56,6 +56,6 @@ def shows_what_it_showed(
 def _noting(makes: Callable[..., None], noted: list[Any]) -> Callable[..., None]:
     def made(self: Any, *arguments: Any, **named: Any) -> None:
         makes(self, *arguments, **named)
-        noted.append(json.loads(json.dumps(drawn.said(self), default=float)))
+        noted.append(json.loads(json.dumps(drawn.in_words(self), default=float)))
 
     return made

@@ -189,18 +189,18 @@ def test_mirrored_sides_and_heights_are_named_though_points_are_measured_badly()
     assert "heights of the site are upside down: down is positive downward" in why(inverted)
 
 
-@pytest.mark.parametrize(("share", "named"), [(0.25, False), (0.4, True)])
+@pytest.mark.parametrize(("fraction", "named"), [(0.25, False), (0.4, True)])
 def test_a_mistake_is_named_where_without_it_less_than_half_is_left(
-    share: float, named: bool
+    fraction: float, named: bool
 ) -> None:
     """Heights upside down and flattened to a share: 1 + share is missed, and 1 - share without.
 
     They are small beside the sides, so that the distances are still alike.
     """
     wide: list[Point] = [(2.0 * a, 2.0 * b, 0.3 * a * b) for a in (-1, 1) for b in (-1, 1)]
-    given = [Pair(h, (s[0], s[1], -share * s[2])) for h, s in pairs(wide)]
+    given = [Pair(h, (s[0], s[1], -fraction * s[2])) for h, s in pairs(wide)]
     assert ("upside down" in why(given)) == named
-    assert f"by {0.3 * (1.0 + share):.3f} m rms" in why(given)
+    assert f"by {0.3 * (1.0 + fraction):.3f} m rms" in why(given)
 
 
 def test_a_mistake_is_named_where_without_it_the_points_are_good_enough() -> None:

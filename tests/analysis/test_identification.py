@@ -52,22 +52,22 @@ def test_every_doublet_is_found_and_nothing_else() -> None:
 
 def test_the_model_that_flew_is_found_again() -> None:
     model, body = truth()
-    seen = found()
-    period, effect = true_period(model, body, seen.airspeed_mps), true_effect(model, body, seen)
-    assert seen.frequency.value == pytest.approx(period, rel=0.05)
-    assert seen.effectiveness.value == pytest.approx(effect, rel=0.07)
-    assert seen["delay"].value == pytest.approx(DELAY_S, abs=0.004)
-    assert seen["Cm_q"].value == pytest.approx(model.Cm_q, rel=0.15)
-    assert seen.explained > 0.95
-    for estimate, true in ((seen.frequency, period), (seen["delay"], DELAY_S)):
+    result = found()
+    period, effect = true_period(model, body, result.airspeed_mps), true_effect(model, body, result)
+    assert result.frequency.value == pytest.approx(period, rel=0.05)
+    assert result.effectiveness.value == pytest.approx(effect, rel=0.07)
+    assert result["delay"].value == pytest.approx(DELAY_S, abs=0.004)
+    assert result["Cm_q"].value == pytest.approx(model.Cm_q, rel=0.15)
+    assert result.explained > 0.95
+    for estimate, true in ((result.frequency, period), (result["delay"], DELAY_S)):
         assert estimate.low <= true <= estimate.high
         assert estimate.high - estimate.low < 0.5 * true
 
 
 def test_another_delay_is_told_apart() -> None:
     later = replace(log(), elevator=np.roll(log().elevator, -1))  # told a step earlier
-    seen = identify(later, truth()[1])
-    assert seen["delay"].value == pytest.approx(found()["delay"].value + 0.01, abs=0.002)
+    result = identify(later, truth()[1])
+    assert result["delay"].value == pytest.approx(found()["delay"].value + 0.01, abs=0.002)
 
 
 def test_a_touch_of_the_stick_before_a_doublet_is_none() -> None:
@@ -97,11 +97,11 @@ def test_banked_or_stalled_manoeuvres_are_not_used() -> None:
 
 def test_without_accelerometers_it_is_less_sure_and_still_right() -> None:
     model, body = truth()
-    seen = identify(replace(log(), lift_force_mps2=None), body)
-    assert seen.frequency.value == pytest.approx(
-        true_period(model, body, seen.airspeed_mps), rel=0.1
+    result = identify(replace(log(), lift_force_mps2=None), body)
+    assert result.frequency.value == pytest.approx(
+        true_period(model, body, result.airspeed_mps), rel=0.1
     )
-    assert seen["CL_alpha"].standard_error > found()["CL_alpha"].standard_error
+    assert result["CL_alpha"].standard_error > found()["CL_alpha"].standard_error
 
 
 def test_a_log_without_doublets_says_how_to_fly_them() -> None:

@@ -121,18 +121,18 @@ def found(brake: bool = False) -> Identified:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_flew_is_found(name: str) -> None:
-    seen = found()[name]
+    result = found()[name]
     size = {"delay": 0.1, "Cm0": 0.1}.get(name, abs(TRUE[name]))
-    assert seen.value == pytest.approx(TRUE[name], abs=CLOSE * size)
-    assert seen.name == name
-    assert seen.low < seen.value < seen.high
+    assert result.value == pytest.approx(TRUE[name], abs=CLOSE * size)
+    assert result.name == name
+    assert result.low < result.value < result.high
 
 
 @pytest.mark.parametrize("name", [*NAMES, *BRAKE_NAMES])
 def test_what_flew_with_a_brake_is_found(name: str) -> None:
-    seen = found(True)[name]
+    result = found(True)[name]
     size = {"delay": 0.1, "Cm0": 0.1, "CL_elevator": 0.3}.get(name, abs(TRUE[name]))
-    assert seen.value == pytest.approx(TRUE[name], abs=2.0 * CLOSE * size)
+    assert result.value == pytest.approx(TRUE[name], abs=2.0 * CLOSE * size)
     assert found(True).no_brake == ""
 
 
@@ -146,39 +146,39 @@ def test_units_are_those_of_the_equations() -> None:
     units = {each.name: each.unit for each in found(True).derivatives}
     with_unit = {"CL_alpha": "1/rad", "Cm_alpha": "1/rad", "delay": "s"}
     assert units == dict.fromkeys((*NAMES, *BRAKE_NAMES), "") | with_unit
-    seen = found()
-    derived = (seen.frequency, seen.damping, seen.effectiveness, seen.response_delay)
+    result = found()
+    derived = (result.frequency, result.damping, result.effectiveness, result.response_delay)
     assert [each.unit for each in derived] == ["rad/s", "", "rad/s²", "s"]
     assert [each.name for each in derived] == ["frequency", "damping", "effectiveness", "response"]
 
 
 def test_the_short_period_is_that_of_the_linear_equations() -> None:
     """Eigenvalues of the equations' own derivatives, at the speed that is told."""
-    seen = found()
-    v, s, c = seen.airspeed_mps, BODY.wing_area_m2, BODY.chord_m
+    result = found()
+    v, s, c = result.airspeed_mps, BODY.wing_area_m2, BODY.chord_m
     assert v == pytest.approx(9.0, abs=0.3)
     q_bar = 0.5 * BODY.air_density_kgpm3 * v * v
     z_a = -q_bar * s / (BODY.mass_kg * v) * TRUE["CL_alpha"]
     m_a = q_bar * s * c / BODY.iyy_kgm2 * TRUE["Cm_alpha"]
     m_q = q_bar * s * c / BODY.iyy_kgm2 * c / (2.0 * v) * TRUE["Cm_q"]
     root = np.linalg.eigvals(np.array([[z_a, 1.0], [m_a, m_q]]))[0]
-    assert seen.frequency.value == pytest.approx(abs(root), rel=CLOSE)
-    assert seen.damping.value == pytest.approx(-root.real / abs(root), rel=CLOSE)
+    assert result.frequency.value == pytest.approx(abs(root), rel=CLOSE)
+    assert result.damping.value == pytest.approx(-root.real / abs(root), rel=CLOSE)
     effect = q_bar * s * c / BODY.iyy_kgm2 * TRUE["Cm_elevator"]
-    assert seen.effectiveness.value == pytest.approx(effect, rel=CLOSE)
+    assert result.effectiveness.value == pytest.approx(effect, rel=CLOSE)
     late_s = TRUE["delay"] + 1.0 / BODY.servo_lag_radps
-    assert seen.response_delay.value == pytest.approx(late_s, abs=0.003)
+    assert result.response_delay.value == pytest.approx(late_s, abs=0.003)
 
 
 def test_every_fourth_manoeuvre_is_held_out_and_explained() -> None:
-    seen = found()
+    result = found()
     begins = [i * APART_S + 1.0 - 0.1 for i in range(DOUBLETS)]
-    assert seen.held_out == pytest.approx([begins[i] for i in HELD_OUT], abs=0.011)
+    assert result.held_out == pytest.approx([begins[i] for i in HELD_OUT], abs=0.011)
     fitted = [begin for i, begin in enumerate(begins) if i not in HELD_OUT]
-    assert seen.manoeuvres == pytest.approx(fitted, abs=0.011)
-    assert 0.995 < seen.explained <= 1.0
-    assert [fit.fitted for fit in seen.fits] == [i not in HELD_OUT for i in range(DOUBLETS)]
-    for fit, begin in zip(seen.fits, begins, strict=True):
+    assert result.manoeuvres == pytest.approx(fitted, abs=0.011)
+    assert 0.995 < result.explained <= 1.0
+    assert [fit.fitted for fit in result.fits] == [i not in HELD_OUT for i in range(DOUBLETS)]
+    for fit, begin in zip(result.fits, begins, strict=True):
         assert fit.time_s[0] == pytest.approx(begin, abs=0.011)
         assert fit.time_s[-1] - fit.time_s[0] == pytest.approx(0.1 + 0.5 + 1.2, abs=0.03)
         rows = np.searchsorted(flown().time_s, fit.time_s)
@@ -214,12 +214,12 @@ def test_constant_errors_of_measurements_are_told_from_the_aircraft() -> None:
         lift_force_mps2=log.lift_force_mps2 + 0.3,
         path_angle_rad=log.path_angle_rad - askew,
     )
-    seen = identify(wrong, BODY)
+    result = identify(wrong, BODY)
     moved = {"CL0": -askew * TRUE["CL_alpha"], "Cm0": -askew * TRUE["Cm_alpha"]}
     for name in NAMES:
         expected = TRUE[name] + moved.get(name, 0.0)
         size = {"delay": 0.1, "Cm0": 0.1}.get(name, abs(TRUE[name]))
-        assert seen[name].value == pytest.approx(expected, abs=2.0 * CLOSE * size)
+        assert result[name].value == pytest.approx(expected, abs=2.0 * CLOSE * size)
 
 
 def test_two_doublets_are_too_few_whatever_the_brake_does() -> None:
@@ -232,12 +232,12 @@ def test_two_doublets_are_too_few_whatever_the_brake_does() -> None:
 def test_three_manoeuvres_are_enough_and_leave_none_to_check_with() -> None:
     log = flown()
     elevator = np.where(log.time_s < 3 * APART_S, log.elevator, 0.0)
-    seen = identify(replace(log, elevator=elevator, brake=np.full_like(elevator, 0.5)), BODY)
-    assert len(seen.manoeuvres) == 3
-    assert seen.held_out == ()
-    assert np.isnan(seen.explained)
-    assert seen.no_brake.startswith("the brake stays within 0.50 and 0.50: move it by 0.25")
-    assert len(seen.derivatives) == len(NAMES)
+    result = identify(replace(log, elevator=elevator, brake=np.full_like(elevator, 0.5)), BODY)
+    assert len(result.manoeuvres) == 3
+    assert result.held_out == ()
+    assert np.isnan(result.explained)
+    assert result.no_brake.startswith("the brake stays within 0.50 and 0.50: move it by 0.25")
+    assert len(result.derivatives) == len(NAMES)
 
 
 @pytest.mark.parametrize("name", KnownAircraft._fields)

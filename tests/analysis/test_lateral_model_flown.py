@@ -109,8 +109,8 @@ def flown(known: Laws, there: Condition, inertial: bool, late: int, fix_late: in
     for k, push in enumerate(pushed()):
         samples.append(truth_of(state))
         fixes.append(samples[-1][:2])
-        seen = samples[0]
-        y, vy = seen[0] + age * seen[1], seen[1]
+        sample = samples[0]
+        y, vy = sample[0] + age * sample[1], sample[1]
         if not inertial:
             if (k - fix_late) % every == 0:
                 ahead = np.array([estimate[0] + every * dt * estimate[1], estimate[1]])
@@ -119,11 +119,11 @@ def flown(known: Laws, there: Condition, inertial: bool, late: int, fix_late: in
             y, vy = estimate[0] + (k - fixed_at) * dt * estimate[1], estimate[1]
         wanted = heading_setpoint(known.heading, known.target.x_m, float(y))
         bank, level = sideways_step(side, bank, wanted, lead, float(vy), dt, 0)
-        now = float(seen[2] + age * seen[4]), float(seen[3] + age * seen[5])
+        now = float(sample[2] + age * sample[4]), float(sample[3] + age * sample[5])
         roll, aileron = attitude_step(
-            to_roll, roll, level.output, now[0], float(seen[4]), 0.0, dt, 0
+            to_roll, roll, level.output, now[0], float(sample[4]), 0.0, dt, 0
         )
-        turn, rudder = heading_step(to_turn, turn, wanted, now[1], float(seen[5]), 0.0, dt)
+        turn, rudder = heading_step(to_turn, turn, wanted, now[1], float(sample[5]), 0.0, dt)
         asked = np.array([aileron.output, rudder.output])
         found.append(asked)
         surfaces = [

@@ -132,8 +132,8 @@ class Written:
                 pushed = noise[4] * np.array([0.5 * DT_S**2, DT_S, 0.0])
                 self._error = self._carry @ self._error + pushed
                 if k % 4 == 0:
-                    seen = noise[:2] * [1.0, float(self._velocity)] + self._error[:2]
-                    self._error = self._error - self._take @ seen
+                    measured = noise[:2] * [1.0, float(self._velocity)] + self._error[:2]
+                    self._error = self._error - self._take @ measured
                 e, rate = e - self._error[0], rate - self._error[1]
         else:
             self._fixes.append(truth[:2] + noise[:2])
@@ -218,13 +218,13 @@ def settled(inertial: bool, velocity: bool, interval_s: float) -> Floats:
             [-(t**3) / 6.0, -(t**2) / 2.0, t],
         ]
     )
-    size, seen = (3 if inertial else 2), (2 if velocity else 1)
+    size, measured = (3 if inertial else 2), (2 if velocity else 1)
     f, noise = f[:size, :size], noise[:size, :size]
-    h = np.eye(seen, size)
-    r = np.diag([GAINS.fix_sd_m**2, GAINS.velocity_sd_mps**2][:seen])
+    h = np.eye(measured, size)
+    r = np.diag([GAINS.fix_sd_m**2, GAINS.velocity_sd_mps**2][:measured])
     p = solve_discrete_are(f.T, h.T, noise, r)
     take = np.zeros((size, 2))
-    take[:, :seen] = p @ h.T @ np.linalg.inv(h @ p @ h.T + r)
+    take[:, :measured] = p @ h.T @ np.linalg.inv(h @ p @ h.T + r)
     return take
 
 

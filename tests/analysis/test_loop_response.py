@@ -207,7 +207,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Loop]:
 
 
 @pytest.fixture(scope="module")
-def seen(flown: tuple[Path, Loop]) -> list[LoopResponse]:
+def responses(flown: tuple[Path, Loop]) -> list[LoopResponse]:
     excitation = read_flight(flown[0]).excitation
     assert excitation is not None
     return loop_responses(excitation)
@@ -215,14 +215,14 @@ def seen(flown: tuple[Path, Loop]) -> list[LoopResponse]:
 
 @pytest.mark.parametrize("at", BREAKS)
 def test_without_noise_a_flight_shows_the_linear_models_loop(
-    flown: tuple[Path, Loop], seen: list[LoopResponse], at: str
+    flown: tuple[Path, Loop], responses: list[LoopResponse], at: str
 ) -> None:
     """Gain within 1 dB and phase within 5 degrees at each tone, and the margins as closely.
 
     But where the loop's gain is above 20 dB: S is a tenth there, a hundredth of it is a tenth of
     L, and no margin hangs on it.
     """
-    (found,) = (response for response in seen if response.at == at)
+    (found,) = (response for response in responses if response.at == at)
     model = sensitivity(flown[1], BREAKS[at], TONES_RADPS)
     near = np.abs(opened(model)) < 10.0
     assert np.sum(near) >= 5

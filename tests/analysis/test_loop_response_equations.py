@@ -267,13 +267,13 @@ def test_the_disk_margin_is_told_only_where_it_is_least_within_the_tones() -> No
     assert isnan(margins_between_tones(falling)[2])
 
 
-@pytest.mark.parametrize(("place", "told"), [(0, False), (1, True), (2, True), (3, False)])
-def test_only_the_very_first_and_last_may_be_less_further_on(place: int, told: bool) -> None:
+@pytest.mark.parametrize(("place", "is_reported"), [(0, False), (1, True), (2, True), (3, False)])
+def test_only_the_very_first_and_last_may_be_less_further_on(place: int, is_reported: bool) -> None:
     """Of four points, L = −0.5 at one: S = 2 there, 1.5 from a half."""
     loop = np.full(4, -0.1 + 0.0j)
     loop[place] = -0.5
     found = _disk_margin(loop)
-    assert found == pytest.approx(1.0 / 1.5) if told else isnan(found)
+    assert found == pytest.approx(1.0 / 1.5) if is_reported else isnan(found)
 
 
 def test_a_flight_without_noise_has_margins_without_a_band() -> None:

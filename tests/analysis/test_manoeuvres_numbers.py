@@ -75,8 +75,8 @@ def test_a_doublet_begins_before_the_last_second_and_a_fifth_of_a_log(
 
 @pytest.mark.parametrize(("n", "found"), [(150, 0), (151, 1)])
 def test_the_shortest_log_holds_rest_one_step_and_what_comes_after(n: int, found: int) -> None:
-    seen = manoeuvres(log(doublet(30, n=n, half=10)))
-    assert seen == [slice(20, n)] * found
+    slices = manoeuvres(log(doublet(30, n=n, half=10)))
+    assert slices == [slice(20, n)] * found
 
 
 def test_a_doublet_in_the_first_tenth_of_a_second_after_rest_has_what_is_before_it() -> None:

@@ -267,15 +267,15 @@ class Loop:
         Loop.made.append(self)
 
     def tick(self) -> Any:
-        told = self.ticks[min(self.count, len(self.ticks) - 1)]
+        outcome = self.ticks[min(self.count, len(self.ticks) - 1)]
         self.count += 1
         self.world.time_s += 1.0 / self.world.step_hz
         if self.count == self.crash_at:
             self.world.crashed = self.crashed
-        if isinstance(told, Exception):
-            raise told
-        self.output = told
-        return told
+        if isinstance(outcome, Exception):
+            raise outcome
+        self.output = outcome
+        return outcome
 
 
 def output(mode: int = SOARING, reason: int = 0, command: float = 0.0) -> Any:
@@ -429,10 +429,12 @@ def test_the_interval_is_by_wilsons_own_equation() -> None:
     """(p - c)^2 = z^2 p (1 - p) / n at both of its ends."""
     for successes, of in ((3, 20), (17, 20), (0, 9), (9, 9)):
         low, high = e.wilson(successes, of)
-        share = successes / of
-        assert 0.0 <= low <= share <= high <= 1.0
+        fraction = successes / of
+        assert 0.0 <= low <= fraction <= high <= 1.0
         for end in (low, high):
-            assert (end - share) ** 2 == pytest.approx(1.959964**2 * end * (1 - end) / of, abs=1e-9)
+            assert (end - fraction) ** 2 == pytest.approx(
+                1.959964**2 * end * (1 - end) / of, abs=1e-9
+            )
 
 
 def test_a_table_has_a_line_for_each_fault_and_one_for_all() -> None:

@@ -119,29 +119,29 @@ def test_memory_has_grown_since_the_first_part() -> None:
 
 
 def test_it_wraps_half_way_and_is_told_of_in_24_parts() -> None:
-    told: list[e.Part] = []
-    flight = e.fly_long(2.4, on_part=told.append)
+    parts: list[e.Part] = []
+    flight = e.fly_long(2.4, on_part=parts.append)
     assert flight.wrapped
     assert (flight.duration_s, flight.ended) == (2.4, "")
     assert flight.ticks == flight.expected_ticks == 480
     assert (flight.reboots, flight.stale, flight.lost) == (0, 0, 0)
-    assert flight.parts == told
-    assert [each.flown_s for each in told] == pytest.approx([0.1 * n for n in range(1, 25)])
-    assert {each.late_s for each in told} == {0.0}
-    assert all(each.tick_us > 1.0 for each in told)
+    assert flight.parts == parts
+    assert [each.flown_s for each in parts] == pytest.approx([0.1 * n for n in range(1, 25)])
+    assert {each.late_s for each in parts} == {0.0}
+    assert all(each.tick_us > 1.0 for each in parts)
     assert flight.is_well
     # The aircraft is held until the module engages, at two seconds.
-    assert all(each.largest_e_rho_m == 0.0 for each in told if each.flown_s < 1.95)
-    assert 0.0 < told[-1].largest_e_rho_m < 0.5
+    assert all(each.largest_e_rho_m == 0.0 for each in parts if each.flown_s < 1.95)
+    assert 0.0 < parts[-1].largest_e_rho_m < 0.5
 
 
-class Told:
+class ScriptedModule:
     """A module that says in which mode it is, and how far from its line, tick by tick."""
 
     script: Callable[[float], tuple[bool, int, float]] = staticmethod(
         lambda _t: (True, SOARING, 0.0)
     )
-    made: list[Told] = []  # noqa: RUF012 - of one test
+    made: list[ScriptedModule] = []  # noqa: RUF012 - of one test
 
     def __init__(self, _setup: Any, send: Any, now_s: float, options: Any) -> None:
         assert now_s == 0.0
@@ -152,7 +152,7 @@ class Told:
         self.counters = SimpleNamespace(ticks=11)
         self.session = SimpleNamespace(counters=SimpleNamespace(reboots=2, stale=3))
         self.decoder = SimpleNamespace(counters=SimpleNamespace(lost=5))
-        Told.made.append(self)
+        ScriptedModule.made.append(self)
 
     def event(self, frame: bytes, now_s: float) -> None:
         self.frames.append((now_s, frame))
@@ -165,12 +165,12 @@ class Told:
 
 def flown(
     monkeypatch: pytest.MonkeyPatch, script: Any, duration_s: float = 2.4, **more: Any
-) -> tuple[e.LongFlight, Told]:
-    Told.made = []
-    monkeypatch.setattr(Told, "script", staticmethod(script))
-    monkeypatch.setattr(e, "Onboard", Told)
+) -> tuple[e.LongFlight, ScriptedModule]:
+    ScriptedModule.made = []
+    monkeypatch.setattr(ScriptedModule, "script", staticmethod(script))
+    monkeypatch.setattr(e, "Onboard", ScriptedModule)
     flight = e.fly_long(duration_s, **more)
-    return flight, Told.made[0]
+    return flight, ScriptedModule.made[0]
 
 
 def number_of(frame: bytes) -> int:

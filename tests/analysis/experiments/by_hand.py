@@ -81,7 +81,7 @@ def crossing_along(prepared: PreparedScenario, line: str, time_s: float) -> floa
     return low
 
 
-class Told(Flyer):
+class ScriptedFlyer(Flyer):
     """Flies nothing: of each job it gives what it was told, and keeps the jobs."""
 
     def __init__(self, answer: Callable[[Any], Any]) -> None:

@@ -58,7 +58,7 @@ def speck(_canvas: object, file: Any, **_: object) -> None:
     Image.new("RGB", (1, 1)).save(file, format="png")
 
 
-def told(result: Result, flyer: MadeUp) -> Table:
+def concluded(result: Result, flyer: MadeUp) -> Table:
     """What stands beside claims, tables and figures."""
     rows = [
         ("flown", result.flown),
@@ -95,13 +95,13 @@ def test_an_experiment_concludes(name: str, tmp_path: Path) -> None:
     assert all(len(row) == len(table.columns) for table in result.tables for row in table.rows)
     texts = [claim.text for claim in result.claims]
     assert len(set(texts)) == len(texts)  # a page lists them by their text
-    told(result, flyer)
+    concluded(result, flyer)
 
 
 @pytest.mark.parametrize("name", list(map(case, TOLD)))
 def test_a_few_dispersed_flights_conclude(name: str) -> None:
     flyer = MadeUp()
-    told(run(name, Context(flyer=flyer, quick=True, dispersion=True)), flyer)
+    concluded(run(name, Context(flyer=flyer, quick=True, dispersion=True)), flyer)
 
 
 @pytest.mark.parametrize("name", list(map(case, LOST)))

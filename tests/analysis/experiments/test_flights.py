@@ -58,11 +58,11 @@ def test_a_leg_is_scored_on_its_own_line(flown: FlownScenario) -> None:
 def test_workers_give_the_same_flights_in_the_order_asked_for(scenario: Scenario) -> None:
     short = msgspec.structs.replace(scenario, duration_s=3.0, changes=[])
     jobs = [ScenarioJob(scenario=short, seed=seed) for seed in (5, 4)]
-    seen: list[tuple[int, int]] = []
-    pooled = Flyer(2, lambda reported: seen.append((reported.flown, reported.wanted))).fly(jobs)
+    counts: list[tuple[int, int]] = []
+    pooled = Flyer(2, lambda reported: counts.append((reported.flown, reported.wanted))).fly(jobs)
     alone = Flyer().fly(jobs)
     assert [f.seed for f in pooled] == [5, 4]
-    assert seen[-1] == (2, 2)
+    assert counts[-1] == (2, 2)
     for a, b in zip(pooled, alone, strict=True):
         assert np.array_equal(a.path["x_m"], b.path["x_m"])
     assert not np.array_equal(pooled[0].path["x_m"], pooled[1].path["x_m"])

@@ -336,8 +336,8 @@ def test_a_section_is_written_between_its_marks_and_nowhere_else() -> None:
     assert DISPERSED_WORDS not in text
     assert "Thresholds are argued" not in text
     judged = result(YES, changed=(ChangedThreshold("c", "was", "is", "why"),))
-    told = with_result(page_, judged, "name", ends)
-    assert f"\n| `name` | c | was | is | why |\n\n{mark(ends)}\n" in told
+    written = with_result(page_, judged, "name", ends)
+    assert f"\n| `name` | c | was | is | why |\n\n{mark(ends)}\n" in written
 
 
 # --- probes ---------------------------------------------------------------------------------------

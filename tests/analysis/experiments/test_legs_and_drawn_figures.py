@@ -262,14 +262,14 @@ def fly(seconds: float) -> Flown:
 
 
 def test_a_flyer_counts_over_all_its_lists() -> None:
-    seen: list[FlyerProgress] = []
-    flyer = Flyer(on_flight=seen.append)
+    reports: list[FlyerProgress] = []
+    flyer = Flyer(on_flight=reports.append)
     assert [each.duration_s for each in flyer.each(fly, [3.0, 4.0])] == [3.0, 4.0]
     assert (flyer.flown, flyer.wanted, flyer.simulated_s) == (2, 2, 7.0)
     flyer.each(fly, iter([5.0, 1.0, 2.0]))
     assert (flyer.flown, flyer.wanted, flyer.simulated_s) == (5, 5, 15.0)
-    assert (seen[-1].flown, seen[-1].wanted) == (5, 5)
-    first_of_second = next(each for each in seen if each.wanted == 5)
+    assert (reports[-1].flown, reports[-1].wanted) == (5, 5)
+    first_of_second = next(each for each in reports if each.wanted == 5)
     assert first_of_second.flown in (2, 3)
     assert flyer.each(fly, []) == []
 

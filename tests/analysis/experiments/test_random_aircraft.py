@@ -82,7 +82,7 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
     page = (Path(__file__).parents[3] / "docs" / "theory.md").read_text(encoding="utf-8")
     section = page.partition("## What a controller does not know")[2]
     rows = [row.strip("| ").split(" | ") for row in section.splitlines() if row.startswith("| ")]
-    told = {row[0]: row[1] for row in rows if len(row) == 3}
+    listed = {row[0]: row[1] for row in rows if len(row) == 3}
 
     def fraction(low: float, high: float) -> str:
         return f"± {round(100.0 * (high - 1.0)):d} %" if low + high == pytest.approx(2.0) else ""
@@ -101,31 +101,31 @@ def test_the_bounds_are_those_that_the_page_of_theory_argues() -> None:
         "effect of the brake": ranges.brake,
     }
     for what, within in fractions.items():
-        assert told[what] == fraction(*within), what
-    assert told["servo's rate constant"] == ratios(*ranges.servo_lag)
-    assert told["length of the turbulence"] == ratios(*ranges.length)
-    assert told[bias] == f"{ratios(*ranges.force_bias)}; {ratios(*ranges.pressure_bias)}"
+        assert listed[what] == fraction(*within), what
+    assert listed["servo's rate constant"] == ratios(*ranges.servo_lag)
+    assert listed["length of the turbulence"] == ratios(*ranges.length)
+    assert listed[bias] == f"{ratios(*ranges.force_bias)}; {ratios(*ranges.pressure_bias)}"
     for what, (low, high) in (
         ("angle of attack of the stall", ranges.stall_rad),
         ("slope of the board", ranges.slope_rad),
     ):
         assert low == -high
-        assert told[what] == f"± {round(degrees(high), 1):g}°"
+        assert listed[what] == f"± {round(degrees(high), 1):g}°"
     low, high = ranges.centre_of_gravity
     assert low == -high
-    assert told["centre of gravity"] == f"± {100.0 * high:g} % of the chord"
+    assert listed["centre of gravity"] == f"± {100.0 * high:g} % of the chord"
     low, high = ranges.edge_m
     assert low == -high
-    assert told["free edge of the jet"] == f"± {100.0 * high:g} cm"
+    assert listed["free edge of the jet"] == f"± {100.0 * high:g} cm"
     low, high = ranges.shear_per_m
     assert low == -high
-    assert told["shear of the jet"] == f"± {100.0 * high:g} % for each metre"
+    assert listed["shear of the jet"] == f"± {100.0 * high:g} % for each metre"
     low, high = ranges.hill_radius
     assert low == pytest.approx(2.0 - high)
-    assert told["radius of the flow over a hill"] == f"± {100.0 * (high - 1.0):.2g} %"
+    assert listed["radius of the flow over a hill"] == f"± {100.0 * (high - 1.0):.2g} %"
     assert ranges.hill_growth == (0.0, 1.0 / 7.0)
-    assert told["growth of a hill's wind with height, d ln U / d ln z"] == "0 to 1/7"
-    assert told["commands, beyond the known delay"] == f"up to {1000.0 * ranges.late_s[1]:g} ms"
+    assert listed["growth of a hill's wind with height, d ln U / d ln z"] == "0 to 1/7"
+    assert listed["commands, beyond the known delay"] == f"up to {1000.0 * ranges.late_s[1]:g} ms"
     assert ranges.late_s[0] == 0.0
 
 

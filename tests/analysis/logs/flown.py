@@ -301,10 +301,10 @@ def _dataflash_rows(
 
 def _moved(tick: Reported) -> SurfaceCommand:
     """What the surfaces were told: by the pilot, where that is read back, else by the module."""
-    seen = tick.inputs.surfaces
-    if not seen.sequence:
+    sample = tick.inputs.surfaces
+    if not sample.sequence:
         return tick.output.command
-    return SurfaceCommand(seen.elevator, seen.aileron, seen.rudder)
+    return SurfaceCommand(sample.elevator, sample.aileron, sample.rudder)
 
 
 def _force(tick: Reported) -> tuple[float, ...]:

@@ -182,10 +182,10 @@ def test_what_the_log_tells_in_that_frame_itself_stays() -> None:
 
 
 def test_a_path_without_y_gives_way_to_a_position_but_not_to_one_of_unknown_origin() -> None:
-    told = of([0.0], x_m=[1.0], y_m=[nan], z_m=[3.0])
-    assert first(placed(flown(path=told), EASTERLY).path, "x_m") == pytest.approx([3.0])
-    relative = placed(flown(path=told, absolute_positions=False), EASTERLY)
-    assert relative.path is told
+    logged = of([0.0], x_m=[1.0], y_m=[nan], z_m=[3.0])
+    assert first(placed(flown(path=logged), EASTERLY).path, "x_m") == pytest.approx([3.0])
+    relative = placed(flown(path=logged, absolute_positions=False), EASTERLY)
+    assert relative.path is logged
     assert placed(flown(absolute_positions=False), EASTERLY).path is None
     assert placed(flight(), EASTERLY) == flight()
 
@@ -206,8 +206,8 @@ def test_e_rho_is_the_distance_to_the_line_above_it_positive() -> None:
 def test_e_rho_that_was_told_stays_and_without_path_or_line_there_is_none() -> None:
     path = of([0.0], x_m=[0.0], y_m=[0.0], z_m=[0.0])
     line = of([0.0], x_m=[0.0], z_m=[1.0], eta_rad=[0.0], moving=[0.0])
-    told = of([0.0], e_rho_m=[0.7])
-    assert on_line(flight(path=path, line=line, tracking=told)).tracking is told
+    logged = of([0.0], e_rho_m=[0.7])
+    assert on_line(flight(path=path, line=line, tracking=logged)).tracking is logged
     assert on_line(flight(path=path)).tracking is None
     assert on_line(flight(line=line)).tracking is None
 
@@ -244,9 +244,9 @@ def test_pulses_are_deflections_about_the_trim(name: str, backward: bool, sign: 
 
 def test_commands_that_the_log_tells_stay_and_a_channel_that_is_not_told_gives_none() -> None:
     outputs = moved(2, [1400.0])
-    told = of([0.0], elevator=[0.1], aileron=[0.0], rudder=[0.0])
+    logged = of([0.0], elevator=[0.1], aileron=[0.0], rudder=[0.0])
     surfaces = Surfaces(**PLAIN)
-    assert steered(flight(outputs=outputs, surfaces=told), surfaces).surfaces is told
+    assert steered(flight(outputs=outputs, surfaces=logged), surfaces).surfaces is logged
     assert steered(flight(), surfaces).surfaces is None
     silent = Surfaces(**(PLAIN | {"rudder": surface(9)}))
     assert steered(flight(outputs=outputs), silent).surfaces is None
@@ -269,10 +269,10 @@ def test_a_flap_brakes_from_one_end_of_its_pulses_to_the_other(
 
 def test_a_brake_is_read_from_the_pulses_beside_commands_that_the_log_tells() -> None:
     outputs = moved(6, [1000.0, 2000.0])
-    told = of([0.0, 1.0], elevator=[0.1] * 2, aileron=[0.0] * 2, rudder=[0.0] * 2)
+    logged = of([0.0, 1.0], elevator=[0.1] * 2, aileron=[0.0] * 2, rudder=[0.0] * 2)
     surfaces = Surfaces(**PLAIN, flap=surface(6))
-    there = steered(flight(outputs=outputs, surfaces=told), surfaces)
-    assert there.surfaces is told
+    there = steered(flight(outputs=outputs, surfaces=logged), surfaces)
+    assert there.surfaces is logged
     assert there.brake is not None
     assert there.brake["brake"].tolist() == [0.0, 1.0]
     own = of([0.0], brake=[0.3])
@@ -297,13 +297,13 @@ def test_a_change_of_a_parameter_says_from_what_to_what() -> None:
     ]
 
 
-def told_line(**parts: list[float]) -> Series | None:
+def logged_line(**parts: list[float]) -> Series | None:
     times = [0.0, 1.0, 2.0, 3.0]
     return line_series({name: of(times, **{name: each}) for name, each in parts.items()}, "told")
 
 
 def test_a_line_moves_from_a_sample_that_differs_until_one_that_does_not() -> None:
-    line = told_line(x_m=[0.0, 0.0, 1.0, 1.0], z_m=[5.0] * 4, eta_rad=[1.8] * 4)
+    line = logged_line(x_m=[0.0, 0.0, 1.0, 1.0], z_m=[5.0] * 4, eta_rad=[1.8] * 4)
     assert line is not None
     assert line["x_m"].tolist() == [0.0, 0.0, 1.0, 1.0]
     assert line["moving"].tolist() == [0.0, 1.0, 1.0, 0.0]
@@ -314,7 +314,7 @@ def test_a_line_moves_from_a_sample_that_differs_until_one_that_does_not() -> No
 @pytest.mark.parametrize(("step", "moves"), [(5e-5, False), (2e-4, True)])
 def test_a_tenth_of_a_millimetre_moves_a_line(name: str, step: float, moves: bool) -> None:
     parts = {"x_m": [0.0] * 4, "z_m": [5.0] * 4, "eta_rad": [1.8] * 4}
-    line = told_line(**(parts | {name: [1.0, 1.0, 1.0 + step, 1.0 + step]}))
+    line = logged_line(**(parts | {name: [1.0, 1.0, 1.0 + step, 1.0 + step]}))
     assert line is not None
     assert bool(line["moving"].any()) is moves
 
@@ -322,9 +322,9 @@ def test_a_tenth_of_a_millimetre_moves_a_line(name: str, step: float, moves: boo
 @pytest.mark.parametrize("name", ["x_m", "z_m", "eta_rad"])
 def test_a_line_is_known_where_all_of_it_is(name: str) -> None:
     parts = {"x_m": [0.0] * 4, "z_m": [5.0] * 4, "eta_rad": [1.8] * 4}
-    line = told_line(**(parts | {name: [nan, 1.0, 1.0, nan]}))
+    line = logged_line(**(parts | {name: [nan, 1.0, 1.0, nan]}))
     assert line is not None
     assert line.time_s.tolist() == [1.0, 2.0]
     assert len(line["moving"]) == 2
-    assert told_line(**(parts | {name: [nan] * 4})) is None
-    assert told_line(**{each: parts[each] for each in parts if each != name}) is None
+    assert logged_line(**(parts | {name: [nan] * 4})) is None
+    assert logged_line(**{each: parts[each] for each in parts if each != name}) is None

@@ -49,10 +49,10 @@ def test_speed_through_the_air_is_that_over_the_ground_less_the_wind() -> None:
 
 
 def test_a_pitot_tube_needs_no_wind() -> None:
-    seen = replace(flight(1.0), airspeed=series(T, "pitot", airspeed_mps=np.full_like(T, 10.0)))
-    met = through_air(seen, STILL, T[-10:])
+    flown = replace(flight(1.0), airspeed=series(T, "pitot", airspeed_mps=np.full_like(T, 10.0)))
+    met = through_air(flown, STILL, T[-10:])
     assert met.horizontal_mps == pytest.approx(np.sqrt(100.0 - 1.5**2))
-    brief = replace(seen, airspeed=series(T[:50], "pitot", airspeed_mps=np.full(50, 10.0)))
+    brief = replace(flown, airspeed=series(T[:50], "pitot", airspeed_mps=np.full(50, 10.0)))
     assert through_air(brief, STILL, T[-10:]).horizontal_mps == pytest.approx(1.0)
 
 
@@ -92,9 +92,9 @@ def test_what_a_log_lacks_is_said(name: str) -> None:
 
 
 def test_nothing_is_interpolated_over_a_gap() -> None:
-    seen = series(np.array([0.0, 0.1, 1.0, 1.1]), "x", y=np.array([0.0, 1.0, 10.0, 11.0]))
-    assert seen is not None
-    got = on_grid(seen, "y", np.array([-0.1, 0.0, 0.05, 0.5, 1.05, 1.1, 1.2]))
+    samples = series(np.array([0.0, 0.1, 1.0, 1.1]), "x", y=np.array([0.0, 1.0, 10.0, 11.0]))
+    assert samples is not None
+    got = on_grid(samples, "y", np.array([-0.1, 0.0, 0.05, 0.5, 1.05, 1.1, 1.2]))
     assert got == pytest.approx([np.nan, 0.0, 0.5, np.nan, 10.5, 11.0, np.nan], nan_ok=True)
 
 
@@ -107,10 +107,10 @@ def test_a_read_back_change_is_taken_to_have_come_half_a_sample_earlier() -> Non
 
 
 def test_without_gyros_the_pitch_rate_is_a_difference() -> None:
-    seen = flight()
-    assert seen.attitude is not None
-    turning = {**seen.attitude.columns, "pitch_rad": 0.1 * T - 0.5}
-    columns = longitudinal(replace(seen, attitude=Series(T, turning, "a")))
+    flown = flight()
+    assert flown.attitude is not None
+    turning = {**flown.attitude.columns, "pitch_rad": 0.1 * T - 0.5}
+    columns = longitudinal(replace(flown, attitude=Series(T, turning, "a")))
     assert columns.pitch_rate_radps[5:-5] == pytest.approx(0.1)
 
 

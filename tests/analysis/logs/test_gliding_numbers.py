@@ -54,8 +54,8 @@ def moved(**columns: Any) -> Series | None:
 
 def test_in_still_air_the_speed_is_that_over_the_ground() -> None:
     assert (STILL.speed_mps, STILL.from_rad) == (0.0, 0.0)
-    seen = flight(velocity=moved(north_mps=-3.0 * ONE, east_mps=4.0 * ONE))
-    met = through_air(seen, STILL, T[5:9])
+    flown = flight(velocity=moved(north_mps=-3.0 * ONE, east_mps=4.0 * ONE))
+    met = through_air(flown, STILL, T[5:9])
     assert met.time_s.tolist() == T[5:9].tolist()
     assert met.horizontal_mps == pytest.approx(4 * [5.0])
     assert met.climb_mps == pytest.approx(4 * [-1.0])
@@ -63,8 +63,8 @@ def test_in_still_air_the_speed_is_that_over_the_ground() -> None:
 
 
 def test_a_wind_from_the_north_east_adds_to_both_components() -> None:
-    seen = flight(velocity=moved(north_mps=3.0 * ONE, east_mps=5.0 * ONE))
-    met = through_air(seen, MeanWind(2.0, pi / 6.0), T[5:7])
+    flown = flight(velocity=moved(north_mps=3.0 * ONE, east_mps=5.0 * ONE))
+    met = through_air(flown, MeanWind(2.0, pi / 6.0), T[5:7])
     expected = hypot(3.0 + 2.0 * cos(pi / 6.0), 5.0 + 2.0 * sin(pi / 6.0))
     assert met.horizontal_mps == pytest.approx(2 * [expected])
     assert met.how == "v less a wind of 2 m/s"
@@ -112,8 +112,8 @@ def test_of_a_velocity_with_holes_an_airspeed_covers_as_many() -> None:
     """Half the velocity and half the airspeed: the airspeed covers all of it."""
     half = moved()
     assert half is not None
-    seen = flight(velocity=half.within(0.0, 3.0), airspeed=pitot(0.5))
-    assert through_air(seen, STILL, T).how == "pitot and v"
+    flown = flight(velocity=half.within(0.0, 3.0), airspeed=pitot(0.5))
+    assert through_air(flown, STILL, T).how == "pitot and v"
 
 
 def test_an_airspeed_below_the_climb_is_none_along_the_ground() -> None:
@@ -149,51 +149,51 @@ def test_the_pitch_of_a_glide_spreads_by_a_hundredth_at_most(
     spread_rad: float, found: bool
 ) -> None:
     waving = -0.05 + spread_rad * np.where(np.arange(len(T)) % 2 == 0, 1.0, -1.0)
-    seen = flight(attitude=turned(pitch_rad=waving))
+    flown = flight(attitude=turned(pitch_rad=waving))
     if found:
-        assert len(glides(seen)) == 1
+        assert len(glides(flown)) == 1
     else:
         with pytest.raises(ValueError, match="is a steady glide"):
-            glides(seen)
-        assert len(glides(seen, pitch_spread_rad=0.012)) == 1
+            glides(flown)
+        assert len(glides(flown, pitch_spread_rad=0.012)) == 1
 
 
 @pytest.mark.parametrize(("change_mps", "count"), [(0.24, 1), (0.26, 2), (-0.24, 1), (-0.26, 2)])
 def test_stretches_within_a_quarter_of_a_metre_a_second_are_one_glide(
     change_mps: float, count: int
 ) -> None:
-    seen = flight(velocity=moved(north_mps=9.0 + change_mps * SECOND))
-    assert len(glides(seen)) == count
+    flown = flight(velocity=moved(north_mps=9.0 + change_mps * SECOND))
+    assert len(glides(flown)) == count
 
 
 @pytest.mark.parametrize(("further", "count"), [(0.019, 1), (0.021, 2), (-0.021, 2)])
 def test_stretches_with_the_brake_elsewhere_are_several_glides(further: float, count: int) -> None:
-    seen = flight(brake=series(T, "b", brake=0.5 + further * SECOND))
-    found = glides(seen)
+    flown = flight(brake=series(T, "b", brake=0.5 + further * SECOND))
+    found = glides(flown)
     assert len(found) == count
     assert found[-1].brake == pytest.approx(0.5 + further * (1.0 if count == 2 else 2.0 / 3.0))
 
 
 def test_one_glide_of_several_stretches_is_their_mean_by_time() -> None:
     """Of a third of one and two thirds of the other, and after a third stretch in the same way."""
-    seen = flight(
+    flown = flight(
         attitude=turned(pitch_rad=-0.05 + 0.03 * SECOND),
         velocity=moved(north_mps=9.0 + 0.15 * SECOND, down_mps=1.0 + 0.06 * SECOND),
         brake=series(T, "b", brake=0.5 + 0.015 * SECOND),
     )
-    (one,) = glides(seen)
+    (one,) = glides(flown)
     found = (one.pitch_rad, one.speed_mps, one.sink_mps, one.brake)
     assert found == pytest.approx((-0.03, 9.1, 1.04, 0.51), abs=1e-9)
 
 
 @pytest.mark.parametrize(("roll_rad", "level"), [(0.19, True), (0.21, False), (-0.21, False)])
 def test_wings_are_level_within_a_fifth_of_a_radian(roll_rad: float, level: bool) -> None:
-    seen = flight(attitude=turned(roll_rad=roll_rad * ONE))
+    flown = flight(attitude=turned(roll_rad=roll_rad * ONE))
     if level:
-        assert len(glides(seen)) == 1
+        assert len(glides(flown)) == 1
     else:
         with pytest.raises(ValueError, match="no level flight with a velocity and an attitude"):
-            glides(seen)
+            glides(flown)
 
 
 def test_a_grids_single_row_is_no_level_flight() -> None:
@@ -276,8 +276,8 @@ RAMP: Any = np.where(T < 3.0, 0.0, np.minimum(1.0, T - 3.0))
 def test_what_is_read_back_is_looked_for_half_a_sample_ahead(source: str, ahead_s: float) -> None:
     """Of a staircase of fiftieths every hundredth lies on one stair or half on each of two."""
     columns = {"elevator": RAMP, "aileron": 0.0 * T, "rudder": 0.0 * T}
-    seen = flight(surfaces=series(T, source, **columns), brake=series(T, source, brake=0.5 * RAMP))
-    found = longitudinal(seen)
+    flown = flight(surfaces=series(T, source, **columns), brake=series(T, source, brake=0.5 * RAMP))
+    found = longitudinal(flown)
     assert found.elevator_step_s == pytest.approx(0.02)
     assert found.brake is not None
     for at in (320, 321, 351):
@@ -291,30 +291,30 @@ def test_a_step_of_the_grid_between_two_samples_holds_the_mean_of_both() -> None
     """Samples at 0, 15 and 40 ms: from 10 to 20 ms half of the first and half of the second."""
     times = np.array([0.0, 0.015, 0.04, 0.06])
     columns = {"aileron": np.zeros(4), "rudder": np.zeros(4)}
-    told = series(times, COMMANDED, elevator=np.array([0.2, 0.6, -1.0, 0.0]), **columns)
-    found = longitudinal(flight(surfaces=told)).elevator
+    logged = series(times, COMMANDED, elevator=np.array([0.2, 0.6, -1.0, 0.0]), **columns)
+    found = longitudinal(flight(surfaces=logged)).elevator
     assert found[:5] == pytest.approx([0.2, 0.4, 0.6, 0.6, -1.0])
     assert np.isnan(found[6:]).all()
-    assert longitudinal(flight(surfaces=told)).elevator_step_s == pytest.approx(0.02)
+    assert longitudinal(flight(surfaces=logged)).elevator_step_s == pytest.approx(0.02)
 
 
 def test_two_samples_of_the_surfaces_make_a_column_and_one_makes_none() -> None:
-    def told(n: int) -> Series | None:
+    def logged(n: int) -> Series | None:
         columns = dict.fromkeys(("aileron", "rudder"), np.zeros(n))
         return series(np.arange(n) * 0.03, COMMANDED, elevator=np.full(n, 0.3), **columns)
 
-    two = longitudinal(flight(surfaces=told(2)))
+    two = longitudinal(flight(surfaces=logged(2)))
     assert two.elevator[:4] == pytest.approx([0.3, 0.3, 0.3, np.nan], nan_ok=True)
     assert two.elevator_step_s == pytest.approx(0.03)
-    one = longitudinal(flight(surfaces=told(1)))
+    one = longitudinal(flight(surfaces=logged(1)))
     assert np.isnan(one.elevator).all()
     assert len(one.elevator) == len(one.time_s)
     assert one.elevator_step_s == 0.01
 
 
 def rates(n: int, value: float, **columns: Any) -> Series | None:
-    told = np.where(np.arange(len(T)) < n, value, np.nan)
-    return series(T, "r", pitch_rate_frd_radps=told, **columns)
+    logged = np.where(np.arange(len(T)) < n, value, np.nan)
+    return series(T, "r", pitch_rate_frd_radps=logged, **columns)
 
 
 @pytest.mark.parametrize(("of_imu", "of_rates", "value"), [(300, 200, 1.0), (200, 300, 2.0)])
@@ -322,8 +322,8 @@ def test_the_pitch_rate_is_that_which_is_told_oftenest(
     of_imu: int, of_rates: int, value: float
 ) -> None:
     forces = dict.fromkeys(("force_x_frd_mps2", "force_z_frd_mps2"), 0.0 * T)
-    seen = flight(imu=rates(of_imu, 1.0, **forces), rates=rates(of_rates, 2.0))
-    assert longitudinal(seen).pitch_rate_radps[10] == value
+    flown = flight(imu=rates(of_imu, 1.0, **forces), rates=rates(of_rates, 2.0))
+    assert longitudinal(flown).pitch_rate_radps[10] == value
 
 
 def test_rates_that_tell_nothing_are_none() -> None:
@@ -356,19 +356,19 @@ def test_of_three_steps_one_has_a_difference_and_of_two_none(seconds: float, kno
 
 @pytest.mark.parametrize(("gap_s", "bridged"), [(0.149, True), (0.151, False)])
 def test_a_gap_of_three_twentieths_of_a_second_is_bridged(gap_s: float, bridged: bool) -> None:
-    seen = series(np.array([0.0, gap_s]), "x", y=np.array([0.0, gap_s]))
-    assert seen is not None
+    samples = series(np.array([0.0, gap_s]), "x", y=np.array([0.0, gap_s]))
+    assert samples is not None
     at = np.array([0.0, 0.1, gap_s])
-    assert on_grid(seen, "y", at) == pytest.approx(
+    assert on_grid(samples, "y", at) == pytest.approx(
         [0.0, 0.1 if bridged else np.nan, gap_s], nan_ok=True
     )
 
 
 def test_a_sample_that_tells_nothing_makes_a_gap() -> None:
     y = np.array([0.0, np.nan, 2.0, 3.0])
-    seen = series(np.array([0.0, 0.1, 0.2, 0.3]), "x", y=y)
-    assert seen is not None
-    assert on_grid(seen, "y", np.array([0.0, 0.1, 0.2, 0.25])) == pytest.approx(
+    samples = series(np.array([0.0, 0.1, 0.2, 0.3]), "x", y=y)
+    assert samples is not None
+    assert on_grid(samples, "y", np.array([0.0, 0.1, 0.2, 0.25])) == pytest.approx(
         [0.0, np.nan, 2.0, 2.5], nan_ok=True
     )
     none = series(np.array([0.0, 0.1]), "x", y=np.array([np.nan, np.nan]))
@@ -377,8 +377,8 @@ def test_a_sample_that_tells_nothing_makes_a_gap() -> None:
 
 
 def test_two_samples_of_one_column_have_one_gap() -> None:
-    seen = series(np.array([1.0, 1.1]), "x", y=np.array([5.0, 6.0]))
-    assert seen is not None
-    assert on_grid(seen, "y", np.array([0.99, 1.0, 1.05, 1.1, 1.11])) == pytest.approx(
+    samples = series(np.array([1.0, 1.1]), "x", y=np.array([5.0, 6.0]))
+    assert samples is not None
+    assert on_grid(samples, "y", np.array([0.99, 1.0, 1.05, 1.1, 1.11])) == pytest.approx(
         [np.nan, 5.0, 5.5, 6.0, np.nan], nan_ok=True
     )

@@ -26,9 +26,9 @@ def test_definitions_alone_are_a_log_without_a_row() -> None:
 def test_a_message_may_be_longer_than_a_byte_can_say(count: int) -> None:
     """Its length is two bytes, the lower first."""
     pytest.importorskip("pyulog")
-    said = "x" * (count - 9)  # a level and eight bytes of time stand before it
-    found = log(POSES[0], words(6, 1_500_000, said), *POSES[1:])
-    assert found.words == [Words(1.5, 6, said)]
+    letters = "x" * (count - 9)  # a level and eight bytes of time stand before it
+    found = log(POSES[0], words(6, 1_500_000, letters), *POSES[1:])
+    assert found.words == [Words(1.5, 6, letters)]
     assert len(found.topics["pose"]["x"]) == 12
     assert found.losses == []
 

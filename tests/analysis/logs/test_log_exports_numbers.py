@@ -124,7 +124,7 @@ def test_mcap_stamps_are_nanoseconds_and_what_is_not_finite_is_null(tmp_path: Pa
     assert to_mcap(log(), path) == [path]
     _, messages, _ = read(path)
     first, second, third = (1_000_000_000 + 5_000_000 * k for k in range(3))
-    said, quarter = {"severity": 4, "text": "höher, bitte"}, 1_250_000_000
+    entry, quarter = {"severity": 4, "text": "höher, bitte"}, 1_250_000_000
 
     def row(k: int, x: float | None, active: bool) -> dict[str, Any]:
         stamp = 1_000_000 + 5000 * k
@@ -135,7 +135,7 @@ def test_mcap_stamps_are_nanoseconds_and_what_is_not_finite_is_null(tmp_path: Pa
         ("/tick", first, first, row(0, pi, True)),
         ("/tick", second, second, row(1, None, False)),
         ("/tick", third, third, row(2, None, True)),
-        ("/words", quarter, quarter, said),
+        ("/words", quarter, quarter, entry),
     ]
     assert sorted(messages, key=lambda each: (each[1], each[0])) == expected
 

@@ -55,12 +55,12 @@ def test_the_polar_is_that_of_the_model(logs: dict[str, FlightData], writer: str
 @every_writer
 def test_the_model_that_flew_is_found(logs: dict[str, FlightData], writer: str) -> None:
     model, body = truth()
-    seen = identify(longitudinal(logs[writer], WIND), body)
-    period = true_period(model, body, seen.airspeed_mps)
-    assert seen.frequency.value == pytest.approx(period, rel=0.1)
-    assert seen.effectiveness.value == pytest.approx(true_effect(model, body, seen), rel=0.1)
-    assert seen["delay"].value == pytest.approx(0.0, abs=0.005)
-    assert seen.explained > 0.95
+    found = identify(longitudinal(logs[writer], WIND), body)
+    period = true_period(model, body, found.airspeed_mps)
+    assert found.frequency.value == pytest.approx(period, rel=0.1)
+    assert found.effectiveness.value == pytest.approx(true_effect(model, body, found), rel=0.1)
+    assert found["delay"].value == pytest.approx(0.0, abs=0.005)
+    assert found.explained > 0.95
 
 
 def test_rates_come_from_whatever_tells_them_oftenest(logs: dict[str, FlightData]) -> None:

@@ -111,8 +111,8 @@ def test_why_the_mode_changed_is_told_unless_words_said_so() -> None:
         Event(about(0.5), "mode", texts[0]),
         Event(about(0.9), "mode", texts[1]),
     )
-    told = read(ticks(reason=reason), words=[Words(BEGIN_S + 0.5, 4, f" {texts[0]} ")])
-    assert [(event.kind, event.text) for event in told.events] == [
+    reported = read(ticks(reason=reason), words=[Words(BEGIN_S + 0.5, 4, f" {texts[0]} ")])
+    assert [(event.kind, event.text) for event in reported.events] == [
         ("message", texts[0]),
         ("mode", texts[1]),
     ]

@@ -67,7 +67,7 @@ def value(name: str, number: float) -> Any:
     return mavlink.MAVLink_named_value_float_message(0, name.encode(), number)
 
 
-def told(*rows: tuple[float, str, float]) -> FlightData:
+def reported(*rows: tuple[float, str, float]) -> FlightData:
     """A flight of which the module told these numbers."""
     return flight_of([(time_s, MODULE, value(name, number)) for time_s, name, number in rows])
 
@@ -556,7 +556,7 @@ def test_what_the_log_does_not_hold_is_listed() -> None:
 
 
 def test_setpoint_and_stall_margin_are_told_in_degrees() -> None:
-    flight = told((0.0, "pitch_sp", -6.0), (1.0, "clearance", 12.5), (1.0, "stall", 3.0))
+    flight = reported((0.0, "pitch_sp", -6.0), (1.0, "clearance", 12.5), (1.0, "stall", 3.0))
     assert flight.setpoints is not None
     assert np.degrees(flight.setpoints["pitch_rad"]) == pytest.approx([-6.0])
     assert np.isnan([flight.setpoints[c][0] for c in ("roll_rad", "heading_rad")]).all()
@@ -566,12 +566,12 @@ def test_setpoint_and_stall_margin_are_told_in_degrees() -> None:
 
 
 def test_a_lean_is_told_from_the_upright_and_the_line_from_the_horizontal() -> None:
-    flight = told((0.0, "line_x", -4.0), (0.0, "line_z", 7.0), (0.0, "line_lean", 15.0))
+    flight = reported((0.0, "line_x", -4.0), (0.0, "line_z", 7.0), (0.0, "line_lean", 15.0))
     assert flight.line is not None
     assert flight.line["x_m"] == pytest.approx([-4.0])
     assert flight.line["z_m"] == pytest.approx([7.0])
     assert np.degrees(flight.line["eta_rad"]) == pytest.approx([105.0])
-    assert told((0.0, "line_x", -4.0), (0.0, "line_z", 7.0)).line is None
+    assert reported((0.0, "line_x", -4.0), (0.0, "line_z", 7.0)).line is None
 
 
 @pytest.mark.parametrize(
@@ -594,15 +594,15 @@ def test_a_lean_is_told_from_the_upright_and_the_line_from_the_horizontal() -> N
 def test_each_number_that_is_told_goes_to_its_column(series: str, names: dict[str, str]) -> None:
     numbers = {column: 1.5 + i for i, column in enumerate(names)}
     rows = [(0.0, names[column], number) for column, number in numbers.items()]
-    found = getattr(told(*rows), series)
+    found = getattr(reported(*rows), series)
     for column, number in numbers.items():
         assert found[column] == pytest.approx([number])
     if series not in ("tracking", "air"):  # one of them alone says nothing
-        assert getattr(told(*rows[1:]), series) is None
+        assert getattr(reported(*rows[1:]), series) is None
 
 
 def test_numbers_told_in_turn_stand_until_they_are_told_again() -> None:
-    flight = told(
+    flight = reported(
         (0.0, "soar_x", 1.0), (1.0, "soar_z", 20.0), (2.0, "soar_x", 3.0), (3.0, "soar_z", 40.0)
     )
     assert flight.path is not None
@@ -613,14 +613,14 @@ def test_numbers_told_in_turn_stand_until_they_are_told_again() -> None:
 
 
 def test_the_updraft_alone_is_told_without_a_wind() -> None:
-    flight = told((0.0, "updraft", 0.8), (1.0, "updraft", 0.9))
+    flight = reported((0.0, "updraft", 0.8), (1.0, "updraft", 0.9))
     assert flight.air is not None
     assert flight.air["updraft_mps"] == pytest.approx([0.8, 0.9])
     assert np.isnan(flight.air["wind_mps"]).all()
-    assert told((0.0, "wind", 6.0)).air is None
+    assert reported((0.0, "wind", 6.0)).air is None
 
 
 def test_the_modules_modes_are_told_by_number() -> None:
     rows = ((0.0, 0.0), (1.0, 1.0), (2.0, nan), (3.0, 1.0), (4.0, 0.0))
-    flight = told(*((t, "soar_mode", number) for t, number in rows))
+    flight = reported(*((t, "soar_mode", number) for t, number in rows))
     assert rounded(flight.modes) == [(0.0, "boot"), (1.0, "standby"), (4.0, "boot")]

@@ -55,10 +55,10 @@ def test_a_recorders_clock_leaps_by_a_minute_or_back(jump_s: float, leaps: bool)
 
 def test_a_clock_that_stands_at_zero_is_none() -> None:
     """Ten stamps above it tell a time, however many stand at it."""
-    told = [0.0] * 5 + even(9)
-    assert clocked(told, even(14)).kinds["ATTITUDE"].time_s == pytest.approx(0.1 * np.arange(14))
-    told = [0.0] * 5 + [2.0 * each for each in even(10)]
-    times = clocked(told, even(15)).kinds["ATTITUDE"].time_s
+    stamps = [0.0] * 5 + even(9)
+    assert clocked(stamps, even(14)).kinds["ATTITUDE"].time_s == pytest.approx(0.1 * np.arange(14))
+    stamps = [0.0] * 5 + [2.0 * each for each in even(10)]
+    times = clocked(stamps, even(15)).kinds["ATTITUDE"].time_s
     assert times == pytest.approx([0.0] * 5 + (0.2 * np.arange(10)).tolist())
 
 

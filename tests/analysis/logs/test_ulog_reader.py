@@ -58,8 +58,8 @@ def parameter(name: str, value: float) -> bytes:
     return keyed("P", f"float {name}", pack("<f", value))
 
 
-def words(level: int, stamp_us: int, said: str) -> bytes:
-    return message("L", f"{level}".encode() + pack("<Q", stamp_us) + said.encode())
+def words(level: int, stamp_us: int, text: str) -> bytes:
+    return message("L", f"{level}".encode() + pack("<Q", stamp_us) + text.encode())
 
 
 DEFINED = layout("pose", POSE)

@@ -141,14 +141,14 @@ def test_other_parameters_are_another_run(tmp_path: Path) -> None:
 
 
 def test_each_part_tells_how_far_it_is(tmp_path: Path) -> None:
-    told: list[tuple[str, int, int]] = []
+    reported: list[tuple[str, int, int]] = []
 
     def on_part(title: str, progress: Progress) -> None:
-        told.append((title, progress.flown, progress.of))
+        reported.append((title, progress.flown, progress.of))
 
     flown(tmp_path, on_part=on_part)
     ladders = [("ladders", n, 3) for n in range(4)]
-    assert told == [
+    assert reported == [
         *(("pilot", 0, 1), ("pilot", 1, 1)),
         *ladders,
         *(("plain flights", 0, 1), ("plain flights", 1, 1)),

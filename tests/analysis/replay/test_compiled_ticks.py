@@ -42,20 +42,20 @@ def row(leaves: Any, first: float) -> list[float]:
 
 def test_each_row_is_one_tick_in_turn() -> None:
     """Leaves in their places both ways, laws always the same, the state handed on."""
-    seen: list[Any] = []
+    passed: list[Any] = []
     given = np.array([row(INPUT_LEAVES, 1000.0), row(INPUT_LEAVES, 5000.0)])
     made = [row(OUTPUT_LEAVES, 300.0), row(OUTPUT_LEAVES, 700.0)]
 
     def tick(laws: Any, state: Any, inputs: Inputs) -> Any:
-        seen.append((laws, state, inputs))
-        return state + 1, rebuilt(Output, iter(made[len(seen) - 1]))
+        passed.append((laws, state, inputs))
+        return state + 1, rebuilt(Output, iter(made[len(passed) - 1]))
 
     taken = np.full((2, len(OUTPUT_LEAVES)), -1.0)
     ticks: Any = plain_ticks(tick)
     assert ticks("laws", 40, given, taken) == 42
     assert taken.tolist() == made
-    assert [each[:2] for each in seen] == [("laws", 40), ("laws", 41)]
-    for (_, _, inputs), numbers in zip(seen, given.tolist(), strict=True):
+    assert [each[:2] for each in passed] == [("laws", 40), ("laws", 41)]
+    for (_, _, inputs), numbers in zip(passed, given.tolist(), strict=True):
         assert isinstance(inputs, Inputs)
         leaves = flattener(INPUT_LEAVES)(inputs)
         assert [float(leaf) for leaf in leaves] == numbers
@@ -77,17 +77,17 @@ def test_without_a_row_nothing_is_flown() -> None:
 def test_any_number_but_zero_is_a_truth() -> None:
     numbers = row(INPUT_LEAVES, 0.0)
     at = next(k for k, leaf in enumerate(INPUT_LEAVES) if leaf.kind is bool)
-    seen: list[bool] = []
+    truths: list[bool] = []
 
     def tick(_laws: Any, state: Any, inputs: Inputs) -> Any:
-        seen.append(flattener(INPUT_LEAVES)(inputs)[at])
+        truths.append(flattener(INPUT_LEAVES)(inputs)[at])
         return state, rebuilt(Output, iter(row(OUTPUT_LEAVES, 0.0)))
 
     given = np.array([numbers] * 3)
     given[:, at] = 0.0, 1.0, 2.0
     ticks: Any = plain_ticks(tick)
     ticks(None, None, given, np.empty((3, len(OUTPUT_LEAVES))))
-    assert seen == [False, True, True]
+    assert truths == [False, True, True]
 
 
 # --- where a kernel is kept -----------------------------------------------------------------------

@@ -274,13 +274,13 @@ def test_another_gain_shows_what_would_have_been_commanded(log: FlightLog) -> No
 def test_surfaces_that_obeyed_the_logged_commands_do_not_seem_dead(log: FlightLog) -> None:
     """They are read back, and another trim would have put them elsewhere."""
     tick = log.topics["tick"]
-    seen = {name: tick[name] for name in ("timestamp", "tick", "time_s")} | {
+    rows = {name: tick[name] for name in ("timestamp", "tick", "time_s")} | {
         "sequence": tick["tick"]
     }
     moved = ("elevator", "aileron", "rudder", "brake")
-    seen |= {name: np.roll(tick[f"command_{name}"], 1) for name in moved}
+    rows |= {name: np.roll(tick[f"command_{name}"], 1) for name in moved}
     result = replay(
-        replace(log, topics={**log.topics, "surfaces": seen}), changes={"ELE_TRIM": -1.0}
+        replace(log, topics={**log.topics, "surfaces": rows}), changes={"ELE_TRIM": -1.0}
     )
     logged, replayed = result.logged, result.replayed
     assert np.max(np.abs(logged["command_elevator"] - replayed["command_elevator"])) > 0.5

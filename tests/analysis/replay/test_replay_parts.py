@@ -386,7 +386,7 @@ def test_parameters_act_from_the_tick_behind_their_change_on(
 
 
 @pytest.mark.parametrize(
-    ("numbers", "states", "told"),
+    ("numbers", "states", "is_reported"),
     [
         ([1, 2, 3], [], True),
         ([1, 2, 3], [(2, False, "a")], True),  # a module's first tick
@@ -396,12 +396,12 @@ def test_parameters_act_from_the_tick_behind_their_change_on(
     ],
 )
 def test_without_a_state_it_is_flown_from_a_modules_first_tick_on(
-    monkeypatch: pytest.MonkeyPatch, numbers: list[int], states: Any, told: bool
+    monkeypatch: pytest.MonkeyPatch, numbers: list[int], states: Any, is_reported: bool
 ) -> None:
     found, notes = prepared(monkeypatch, numbers, states)
     words = ["no state at the beginning: from a module's first tick on"]
-    assert notes == (words if told else [])
-    assert (found.cuts[0].state == initial_state()) == told
+    assert notes == (words if is_reported else [])
+    assert (found.cuts[0].state == initial_state()) == is_reported
 
 
 def test_another_version_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

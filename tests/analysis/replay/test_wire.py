@@ -292,14 +292,14 @@ def test_a_parameter_is_set_again_when_it_was_told_and_stands_otherwise() -> Non
 
 
 @pytest.mark.parametrize(
-    ("stands", "told", "sets"),
+    ("stands", "shown", "sets"),
     [(0.0, 2.0, [1.0]), (2.0, 1.0, []), (1.0, 2.0, []), (2.0, 0.0, [0.0]), (0.0, 0.0, [])],
 )
 def test_engaged_is_shown_as_two_and_set_as_one(
-    stands: float, told: float, sets: list[float]
+    stands: float, shown: float, sets: list[float]
 ) -> None:
     aboard = Aboard(OP_ENGAGE=stands)
-    again(aboard, param_value("OP_ENGAGE", told))
+    again(aboard, param_value("OP_ENGAGE", shown))
     assert aboard.was_set() == [("OP_ENGAGE", value) for value in sets]
 
 
@@ -394,8 +394,10 @@ def test_a_recorded_flight_that_cannot_be_flown_again_is_missed(tmp_path: Path) 
 
 def test_what_the_module_said_is_flown_with_unless_it_is_out_of_range(tmp_path: Path) -> None:
     attitudes = [attitude(5 * n) for n in range(1, 20)]
-    told = replay_wire(written(tmp_path, [param_value("TGL_X", 0.25), *attitudes]), AIRFRAME, SITE)
-    assert told.notes == [FROM_THE_WIRE]
+    replayed = replay_wire(
+        written(tmp_path, [param_value("TGL_X", 0.25), *attitudes]), AIRFRAME, SITE
+    )
+    assert replayed.notes == [FROM_THE_WIRE]
     broken = [param_value("TGL_X", 1e9), *attitudes]
     refused = replay_wire(written(tmp_path, broken), AIRFRAME, SITE)
     assert any(

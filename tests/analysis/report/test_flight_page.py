@@ -95,8 +95,8 @@ def held(**more: Any) -> FlightData:
     ],
 )
 def test_a_page_without_air_or_polar_says_what_it_lacks(known: Surroundings, words: str) -> None:
-    said = analysed(FlightData("", ""), known, None).missing
-    assert [text for text in said if text in (NO_AIR, NO_POLAR)] == [words] * bool(words)
+    missing = analysed(FlightData("", ""), known, None).missing
+    assert [text for text in missing if text in (NO_AIR, NO_POLAR)] == [words] * bool(words)
 
 
 def test_only_a_flight_with_a_line_lacks_legs() -> None:
@@ -124,8 +124,8 @@ def test_a_flight_without_positions_lacks_no_site() -> None:
     path = series(TIME_S, "", x_m=zeros, y_m=zeros, z_m=zeros)
     position = series(TIME_S, "", north_m=zeros, east_m=zeros, down_m=zeros)
     for flight in (FlightData("", ""), FlightData("", "", path=path, position=position)):
-        said = analysed(flight, Surroundings(), None).missing
-        assert not any("the path cannot be laid" in text for text in said)
+        missing = analysed(flight, Surroundings(), None).missing
+        assert not any("the path cannot be laid" in text for text in missing)
 
 
 def test_spectra_are_of_the_legs_behind_their_settling_or_of_all(
@@ -347,8 +347,8 @@ def test_the_planes_caption_tells_what_is_drawn(
     legs: Any, known: Surroundings, parts: tuple[bool, ...]
 ) -> None:
     words = module._plane_words(analysis(legs=legs, known=known))
-    told = ("target gradient lines", "Grey is the updraft", "dashed the contour")
-    assert tuple(each in words for each in told) == parts
+    parts_named = ("target gradient lines", "Grey is the updraft", "dashed the contour")
+    assert tuple(each in words for each in parts_named) == parts
     assert words.endswith(".")
 
 
@@ -428,16 +428,16 @@ def test_page_figures_and_numbers_are_written_where_they_are_said_to_be(tmp_path
         time_s, "", roll_rad=0.1 * time_s, pitch_rad=0.2 * time_s, yaw_rad=0.0 * time_s
     )
     flight = FlightData("my <log>", "a log", attitude=attitude)
-    told: list[str] = []
+    steps: list[str] = []
     page = tmp_path / "new" / "one.html"
-    files = write_page(page, analysis(flight), told.append)
+    files = write_page(page, analysis(flight), steps.append)
     folder = tmp_path / "new" / "one-figures"
     names = ["longitudinal", "lateral"]
     drawn = [folder / f"{name}.{end}" for name in names for end in ("svg", "png")]
     assert files == [page, *drawn, folder / "numbers.json"]
     assert sorted(folder.iterdir()) == sorted(files[1:])
-    assert told[0] == "The vertical plane"
-    assert told[-1] == "The page"
+    assert steps[0] == "The vertical plane"
+    assert steps[-1] == "The page"
     for vector, pixels in zip(drawn[::2], drawn[1::2], strict=True):
         assert vector.read_text(encoding="utf-8").rstrip().endswith("</svg>")
         assert pixels.read_bytes()[:4] == b"\x89PNG"

@@ -138,8 +138,8 @@ def test_a_map_of_lines_names_them_each_in_its_colour(kept: list[Any]) -> None:
     assert labelled(axes, "core")[0].get_xydata().tolist() == [[-15.0, 18.0]]
     assert axes.get_title() == "a hill"
     (legend,) = kept[0].legends
-    told = ["ZEUC: updraft = sink", *(f"TGL {n}" for n in range(7)), "core"]
-    assert words(legend) == [*told, "TGL ∩ ZEUC, stable", "outside polar or field"]
+    labels = ["ZEUC: updraft = sink", *(f"TGL {n}" for n in range(7)), "core"]
+    assert words(legend) == [*labels, "TGL ∩ ZEUC, stable", "outside polar or field"]
     assert kept[0].axes[1].get_ylabel() == "excess updraft w − sink(u) [m/s]"
     high = (-5.0, 0.0, 1.0, 50.0)
     zeuc_figure.zeuc_figure(PATH, HILL, HEAVY, high, lines[:1], None, "none")

@@ -33,16 +33,16 @@ def test_an_upright_edge_leaves_the_part_of_each_cell_that_it_cuts_off() -> None
     """At 2.53: the node at 2.5 has a cell from 2.45 to 2.55, known to 0.08 of it, by eighths."""
     found = fraction_of(lambda x, _z: x < 2.53)
     places = 2.45 + (np.arange(FINER) + 0.5) * 0.1 / FINER
-    share = np.count_nonzero(places < 2.53) / FINER
-    assert 0.5 < share < 1.0
-    assert found == pytest.approx(np.tile([1.0] * 5 + [share] + [0.0] * 5, (11, 1)))
+    known = np.count_nonzero(places < 2.53) / FINER
+    assert 0.5 < known < 1.0
+    assert found == pytest.approx(np.tile([1.0] * 5 + [known] + [0.0] * 5, (11, 1)))
 
 
 def test_a_level_edge_does_so_too() -> None:
     found = fraction_of(lambda _x, z: z > 0.23)  # the node at 0.2 has a cell from 0.1 to 0.3
     places = 0.1 + (np.arange(FINER) + 0.5) * 0.2 / FINER
-    share = np.count_nonzero(places > 0.23) / FINER
-    column = [0.0] * 6 + [share] + [1.0] * 4
+    known = np.count_nonzero(places > 0.23) / FINER
+    column = [0.0] * 6 + [known] + [1.0] * 4
     assert found == pytest.approx(np.tile(np.array(column)[:, None], (1, 11)))
 
 
@@ -147,13 +147,13 @@ def test_what_lies_within_a_cell_over_the_ground_is_shaded_if_the_air_above_is_k
     assert not alone(2.2, 0.19)
 
 
-@pytest.mark.parametrize(("share", "covered"), [(0.49, True), (0.5, False), (1.0, False)])
+@pytest.mark.parametrize(("known", "covered"), [(0.49, True), (0.5, False), (1.0, False)])
 def test_what_is_less_than_half_known_is_covered(
-    monkeypatch: pytest.MonkeyPatch, share: float, covered: bool
+    monkeypatch: pytest.MonkeyPatch, known: float, covered: bool
 ) -> None:
     """Up to where the fraction is a half, in the background's colour, over the shading."""
     fraction = np.ones((11, 11))
-    fraction[:, 0] = share
+    fraction[:, 0] = known
     monkeypatch.setattr(module, "known_fraction", lambda *_: fraction)
     figure, axes = plt.subplots()
     values = np.meshgrid(X, Z)[1]

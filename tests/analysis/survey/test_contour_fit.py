@@ -92,9 +92,9 @@ def test_a_log_without_a_survey_and_a_line_that_turned_are_reported() -> None:
 
 def test_a_telemetry_log_that_has_the_beginning_in_words_alone_draws_the_same() -> None:
     whole = logged(flown())
-    told = FlightData(**{**vars(whole), "events": whole.events[1:]})
+    late = FlightData(**{**vars(whole), "events": whole.events[1:]})
     assert whole.events[0].text == "SRV_START 0 → 1"
-    (first,), (second,) = surveys_of(whole), surveys_of(told)
+    (first,), (second,) = surveys_of(whole), surveys_of(late)
     assert np.array_equal(first.time_s, second.time_s)
     assert np.array_equal(first.standing, second.standing)
 

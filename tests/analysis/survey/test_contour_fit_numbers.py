@@ -127,8 +127,8 @@ def test_f_and_its_sigma_are_those_of_the_penalised_least_squares() -> None:
     assert found.sigma == pytest.approx(np.sqrt(variance * np.diag(inverse)), rel=1e-4)
     assert found.width == 12.0
     penalty = mu * third.T @ third
-    told = module._foretold(hats, made.along - 0.01, made.time_s, penalty)
-    assert found.foretold == pytest.approx(told)
+    reported = module._foretold(hats, made.along - 0.01, made.time_s, penalty)
+    assert found.foretold == pytest.approx(reported)
 
 
 def test_the_width_is_that_which_foretells_best() -> None:

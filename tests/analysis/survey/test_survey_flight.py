@@ -49,7 +49,7 @@ class Flights:
         self.flown: list[Any] = []
         self.looks = self.ticks = 0
         self.begun_at: list[float] = []
-        self.ticks_seen: list[Any] = []
+        self.ticks_given: list[Any] = []
 
     def fly_on(self, parts: Any, laws: Any, flight: Any, to: int, changes: int, rows: Any) -> Any:
         assert (parts, len(rows)) == ("parts", self.ticks)
@@ -69,7 +69,7 @@ class Flights:
         return SimpleNamespace(time_s=now_s, x_m=3.0 * now_s, z_m=4.0 * now_s, line=line)
 
     def step(self, laws: Any, autopilot: Any, inputs: Any) -> Any:
-        self.ticks_seen.append((laws, autopilot, inputs))
+        self.ticks_given.append((laws, autopilot, inputs))
         now_s = inputs[0]
         return None, SimpleNamespace(mode=self.modes(now_s), look=self.look(now_s))
 
@@ -168,7 +168,7 @@ def test_between_two_looks_the_tick_flies_alone_to_the_last_step(
         *((n * EVERY, (n + 1) * EVERY) for n in range(5)),
         (5 * EVERY, round(longest_s * HZ)),
     ]
-    laws, autopilot, inputs = made.ticks_seen[2]
+    laws, autopilot, inputs = made.ticks_given[2]
     assert laws == "laws 0 ('frame', 'aerodynamics', 'ground')"
     assert autopilot == f"autopilot {3 * EVERY}"
     assert inputs == (pytest.approx(3 * LOOK_S), f"samples {3 * EVERY}", True)

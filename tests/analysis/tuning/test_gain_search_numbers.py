@@ -97,7 +97,7 @@ def test_an_answer_is_kept_without_infinities_and_read_as_it_was() -> None:
 # --- the search -----------------------------------------------------------------------------------
 
 
-class Told:
+class NotedEvaluation:
     """Evaluates by a function of the gains, and remembers points and reports."""
 
     def __init__(self, e_rho_m: object) -> None:
@@ -113,10 +113,12 @@ class Told:
         self.reports.append((name, n, found))
 
 
-def run(folder: Path, search: Search, told: Told, name: str = "name") -> list[Candidate]:
+def run(
+    folder: Path, search: Search, evaluation: NotedEvaluation, name: str = "name"
+) -> list[Candidate]:
     pytest.importorskip("cma", reason="tuning needs cma")
     progress = ProgressFile(folder / "progress", "task")
-    return searched(name, search, told, progress, told.on_generation)
+    return searched(name, search, evaluation, progress, evaluation.on_generation)
 
 
 def test_what_is_flown_now_comes_first_and_each_generation_is_told_with_its_best(
@@ -125,13 +127,13 @@ def test_what_is_flown_now_comes_first_and_each_generation_is_told_with_its_best
     search = Search(
         start=(2.0, 3.0), low=(0.1, 0.1), high=(9.0, 9.0), generations=3, seed=1
     )  # fmt: skip
-    told = Told(lambda point: point[0])
-    found = run(tmp_path, search, told)
-    assert told.points[0] == [(2.0, 3.0)]
-    assert [each.gains for each in found] == [point for rung in told.points for point in rung]
-    assert [(name, n) for name, n, _ in told.reports] == [("name", n) for n in range(4)]
-    counts = np.cumsum([len(points) for points in told.points])
-    for (_, _, least), count in zip(told.reports, counts, strict=True):
+    evaluation = NotedEvaluation(lambda point: point[0])
+    found = run(tmp_path, search, evaluation)
+    assert evaluation.points[0] == [(2.0, 3.0)]
+    assert [each.gains for each in found] == [point for rung in evaluation.points for point in rung]
+    assert [(name, n) for name, n, _ in evaluation.reports] == [("name", n) for n in range(4)]
+    counts = np.cumsum([len(points) for points in evaluation.points])
+    for (_, _, least), count in zip(evaluation.reports, counts, strict=True):
         assert least == min(found[:count], key=lambda each: each.given.e_rho_m)
 
 
@@ -139,9 +141,9 @@ def test_the_first_steps_change_a_gain_by_a_quarter(tmp_path: Path) -> None:
     """In logarithms, each gain for itself, and to either side alike."""
     n = 60
     search = Search(start=(2.0,) * n, low=(1e-3,) * n, high=(1e3,) * n, generations=1, seed=1)
-    told = Told(lambda point: 1.0 + point[0])
-    run(tmp_path, search, told)
-    steps = np.log(np.array(told.points[1]) / 2.0)
+    evaluation = NotedEvaluation(lambda point: 1.0 + point[0])
+    run(tmp_path, search, evaluation)
+    steps = np.log(np.array(evaluation.points[1]) / 2.0)
     assert np.std(steps) == pytest.approx(0.25, rel=0.1)
     assert abs(np.mean(steps)) < 0.03
 
@@ -153,8 +155,8 @@ def test_no_gain_is_sought_beyond_six_times_what_is_flown(
     search = Search(
         start=(3.0, 1.0), low=(1e-3,) * 2, high=(1e3,) * 2, generations=20, seed=1
     )  # fmt: skip
-    told = Told(lambda point: (point[0] / 3.0) ** -sign)
-    found = run(tmp_path, search, told)
+    evaluation = NotedEvaluation(lambda point: (point[0] / 3.0) ** -sign)
+    found = run(tmp_path, search, evaluation)
     reached = best(found, search).gains[0] / 3.0
     assert reached == pytest.approx(end, rel=0.05)
     factors = np.array([each.gains for each in found]) / np.array(search.start)
@@ -169,8 +171,8 @@ def test_no_gain_is_sought_beyond_what_its_parameter_allows(
     search = Search(
         start=(3.0, 1.0), low=(2.4, 0.1), high=(3.6, 9.0), generations=8, seed=1
     )  # fmt: skip
-    told = Told(lambda point: (point[0] / 3.0) ** -sign)
-    gains = [each.gains[0] for each in run(tmp_path, search, told)]
+    evaluation = NotedEvaluation(lambda point: (point[0] / 3.0) ** -sign)
+    gains = [each.gains[0] for each in run(tmp_path, search, evaluation)]
     assert (max(gains) if sign > 0.0 else min(gains)) == pytest.approx(end, rel=1e-3)
     assert 2.4 - 1e-9 <= min(gains) <= max(gains) <= 3.6 + 1e-9
 
@@ -178,10 +180,10 @@ def test_no_gain_is_sought_beyond_what_its_parameter_allows(
 def test_one_seed_and_name_is_one_search(tmp_path: Path) -> None:
     def points(folder: str, seed: int, name: str) -> list[list[Values]]:
         search = Search(start=(1.0, 2.0), low=(0.1,) * 2, high=(9.0,) * 2, generations=1, seed=seed)
-        told = Told(lambda point: exp(point[0]))
+        evaluation = NotedEvaluation(lambda point: exp(point[0]))
         (tmp_path / folder).mkdir()
-        run(tmp_path / folder, search, told, name)
-        return told.points
+        run(tmp_path / folder, search, evaluation, name)
+        return evaluation.points
 
     first = points("a", 1, "fixes")
     assert points("b", 1, "fixes") == first

@@ -85,11 +85,11 @@ def test_killed_and_run_again_it_finds_the_same(tuned: tuning.Tuned, tmp_path: P
 def test_the_file_says_what_flies_and_what_for(tuned: tuning.Tuned) -> None:
     table = tomllib.loads(as_toml(TASK, tuned, "eclipson_c.toml", "b"))
     assert VALUES.changed(table["parameters"]) == VALUES.changed(tuned.parameters)
-    said = table["tuned"]
-    assert (said["airframe"], said["line"], said["seed"]) == ("eclipson_c.toml", "b", 1)
-    assert said["ranges"]["servo_s"] == [0.015, 0.08]
+    written = table["tuned"]
+    assert (written["airframe"], written["line"], written["seed"]) == ("eclipson_c.toml", "b", 1)
+    assert written["ranges"]["servo_s"] == [0.015, 0.08]
     for kind in SETS:
-        assert said[kind]["after"]["alpha"] == pytest.approx(tuned.after[kind].alpha, abs=1e-3)
+        assert written[kind]["after"]["alpha"] == pytest.approx(tuned.after[kind].alpha, abs=1e-3)
 
 
 def test_an_airframe_file_flies_with_them(tuned: tuning.Tuned) -> None:

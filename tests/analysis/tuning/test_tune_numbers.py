@@ -56,7 +56,7 @@ class Work:
 
     def __init__(self, folder: Path, give: Any, **effort: Any) -> None:
         self.pool = Pool(give)
-        self.told: list[tuple[str, float]] = []
+        self.reported: list[tuple[str, float]] = []
         self.task = TASK._replace(effort=Effort(**effort), seed=7)
         self.progress = ProgressFile(folder / "progress", "task")
         self.field = FlyingPlace(airframe=AIRFRAME, site_path=SITE_PATH, ranges=Ranges())
@@ -65,7 +65,7 @@ class Work:
             field=self.field,
             pool=self.pool,  # type: ignore[arg-type]
             progress=self.progress,
-            report=lambda words, done: self.told.append((words, done)),
+            report=lambda words, done: self.reported.append((words, done)),
             flights=[],
         )
 
@@ -142,7 +142,7 @@ def test_aircraft_are_flown_in_batches_each_by_a_seed_of_its_own(tmp_path: Path)
     assert found.rms_e_rho_m == pytest.approx(0.1)
     attempts = [flights.Attempt(VALUES, PLAIN, (7, FOR_JUDGING, i), 0.03) for i in range(10)]
     assert work.pool.asked == [(module._flight_of, (work.field, each)) for each in attempts]
-    assert work.told == [("judging", 0.0), ("judging", 0.8)]
+    assert work.reported == [("judging", 0.0), ("judging", 0.8)]
     assert [flies for flies, _ in work.parts.flights] == [
         AFTER._replace(aircraft=i) for i in range(10)
     ]
@@ -169,7 +169,7 @@ def test_before_and_after_are_judged_on_the_same_aircraft(tmp_path: Path) -> Non
     assert [each.seed for each in attempts] == [(7, FOR_JUDGING, i) for i in range(3)] * 2
     assert {each.turbulence for each in attempts} == {0.05}
     assert {each.kind for each in attempts} == {INERTIAL}
-    assert [words for words, _ in work.told] == [
+    assert [words for words, _ in work.reported] == [
         f"{INERTIAL}: judging before at 5 %", f"{INERTIAL}: judging after at 5 %",
     ]  # fmt: skip
     assert [flies for flies, _ in work.parts.flights] == [
@@ -217,7 +217,7 @@ def test_the_finalist_that_loses_the_fewest_is_chosen(tmp_path: Path) -> None:
     words = [
         f"{PLAIN}: finalist {n} of 3 at {turbulence} %" for n in (1, 2, 3) for turbulence in (3, 5)
     ]
-    assert [each for each, _ in work.told] == words
+    assert [each for each, _ in work.reported] == words
 
 
 def test_of_those_who_lose_as_few_the_nearest_to_the_line_is_chosen(tmp_path: Path) -> None:
@@ -242,10 +242,10 @@ def test_of_equals_the_first_is_chosen(tmp_path: Path) -> None:
 def test_where_none_are_flown_or_there_is_one_alone_the_best_is_taken(tmp_path: Path) -> None:
     found, work = chosen(tmp_path, lambda _n, _at: pytest.fail("flown"), choosing=0)
     assert found is THREE[0]
-    assert work.told == []
+    assert work.reported == []
     work = Work(tmp_path, lambda _: pytest.fail("flown"), choosing=2)
     assert module._chosen(work.parts, VALUES, PLAIN, THREE[2:]) is THREE[2]
-    assert work.told == []
+    assert work.reported == []
 
 
 # --- on the linear model --------------------------------------------------------------------------
@@ -262,7 +262,7 @@ def test_of_those_judged_it_counts_who_is_unstable_and_who_is_below_the_floor(
     assert work.pool.asked == [
         (module._alpha_of, (INERTIAL, VALUES, (7, FOR_JUDGING, i))) for i in range(6)
     ]
-    assert work.told == [(f"{INERTIAL}: margins of 6 more aircraft", 0.0)]
+    assert work.reported == [(f"{INERTIAL}: margins of 6 more aircraft", 0.0)]
 
 
 def test_other_gains_are_judged_anew_and_the_same_are_not(tmp_path: Path) -> None:
@@ -318,7 +318,7 @@ def test_a_set_is_sought_from_where_it_is_and_each_generation_is_told_of(
         work.task, VALUES, PLAIN, work.parts.pool, work.progress, work.parts.report
     )
     words = f"{PLAIN}: margin 0.62, e_rho 2.34 cm"
-    assert work.told == [(words, 0.0), (words, 0.5), (words, 1.0)]
+    assert work.reported == [(words, 0.0), (words, 0.5), (words, 1.0)]
     assert found[0].gains == pytest.approx(tuple(gains_of(VALUES, PLAIN)))
     assert [function for function, _ in work.pool.asked] == [module._given_of] * len(found)
     for one, (_, (kind, values)) in zip(found, work.pool.asked, strict=True):
@@ -367,7 +367,7 @@ def test_the_whole_way_changes_both_sets_and_judges_before_and_after(
 ) -> None:
     """With margins that are made up, and one flight each; gains go from set to set."""
     pytest.importorskip("cma", reason="tuning needs cma")
-    seen: list[Any] = []
+    asked: list[Any] = []
 
     def given_by(places: Any, values: Any) -> Given:
         """The more of the first gain, the better: up to 1.2 of what is flown."""
@@ -376,7 +376,7 @@ def test_the_whole_way_changes_both_sets_and_judges_before_and_after(
         return Given(alpha=0.9, e_rho_m=0.01 + abs(ratio - 1.2), elevator=0.0, worst=f"{ratio:.3f}")
 
     def places_of(demands: Any, kind: str) -> Any:
-        seen.append(demands)
+        asked.append(demands)
         return kind
 
     monkeypatch.setattr(module, "places_of", places_of)
@@ -391,7 +391,7 @@ def test_the_whole_way_changes_both_sets_and_judges_before_and_after(
     task = TASK._replace(effort=effort, seed=3)
     found = tune(task, ProgressFile(tmp_path / "p", "task"), lambda *_: None, InLine())
     module._places.clear()
-    demands = seen[0]
+    demands = asked[0]
     assert (demands.aircraft, demands.seed, demands.grid) == (5, 3, 2)
     assert demands.ranges == task.ranges
     for kind in SETS:

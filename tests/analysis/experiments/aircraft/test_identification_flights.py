@@ -62,24 +62,24 @@ def examined(error: float) -> Examined:
     )
 
 
-def told(monkeypatch: pytest.MonkeyPatch, flights: Sequence[Examined]) -> Any:
+def concluded(monkeypatch: pytest.MonkeyPatch, flights: Sequence[Examined]) -> Any:
     monkeypatch.setattr(Context, "each", lambda _self, _function, _jobs: flights)
     return identification(Context(flyer=Flyer(), quick=False))
 
 
 def test_a_log_that_is_refused_misses_every_claim(monkeypatch: pytest.MonkeyPatch) -> None:
     """And is told of as such: no number is made of it."""
-    good = told(monkeypatch, [examined(0.01)] * 100)
+    good = concluded(monkeypatch, [examined(0.01)] * 100)
     assert all(claim.holds for claim in good.claims)
     assert good.claims[0].measured == "at most 1.0 %"
-    two = told(monkeypatch, [examined(0.01)] * 98 + [examined(inf)] * 2)
+    two = concluded(monkeypatch, [examined(0.01)] * 98 + [examined(inf)] * 2)
     within, held = two.claims[:4], two.claims[4:]
     assert not any(claim.holds for claim in within)
     assert all(claim.holds for claim in held)
     assert two.claims[1].measured == "at most 1.0 %; 2 of 100 logs refused"
     assert two.claims[5].measured == "in 100%; 2 of 100 logs refused"
     assert {row[3] for row in two.tables[0].rows} == {"1.00 %", "0.10 ms"}
-    eleven = told(monkeypatch, [examined(0.01)] * 89 + [examined(inf)] * 11)
+    eleven = concluded(monkeypatch, [examined(0.01)] * 89 + [examined(inf)] * 11)
     assert not any(claim.holds for claim in eleven.claims)
     with pytest.raises(ValueError, match="no log of 3 could be identified"):
-        told(monkeypatch, [examined(inf)] * 3)
+        concluded(monkeypatch, [examined(inf)] * 3)

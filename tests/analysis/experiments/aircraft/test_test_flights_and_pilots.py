@@ -451,11 +451,11 @@ FLIGHT = DrawnFlight(
 
 def stepped(monkeypatch: pytest.MonkeyPatch, fails: str = "") -> tuple[a.BuiltAirframe, list[Any]]:
     """All steps but what they compute."""
-    told: list[Any] = []
+    steps_given: list[Any] = []
 
     def step(name: str, gives: Any) -> Any:
         def does(*what: Any) -> Any:
-            told.append((name, what))
+            steps_given.append((name, what))
             if name == fails:
                 raise ValueError("no")
             return gives
@@ -469,11 +469,11 @@ def stepped(monkeypatch: pytest.MonkeyPatch, fails: str = "") -> tuple[a.BuiltAi
     monkeypatch.setattr(a, "identified_errors", step("errors", (0.1, 0.2, 0.3)))
     monkeypatch.setattr(a, "tuned_for", step("tune", ("tuned", alphas)))
     monkeypatch.setattr(a, "soar", step("soar", FLIGHT))
-    return a.build_and_soar(a.AirframeJob((7, 3))), told
+    return a.build_and_soar(a.AirframeJob((7, 3))), steps_given
 
 
 def test_each_step_is_given_what_the_last_one_gave(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, told = stepped(monkeypatch)
+    found, steps_given = stepped(monkeypatch)
     assert found.failed == ""
     assert (found.frequency_error, found.effect_error, found.sink_error) == (0.1, 0.2, 0.3)
     assert found.alpha == dict.fromkeys(SETS, 0.6)
@@ -481,11 +481,11 @@ def test_each_step_is_given_what_the_last_one_gave(monkeypatch: pytest.MonkeyPat
     assert found.duration_s == 120.0
     assert found.soars
     assert found.name == drawn().airframe.airframe.name
-    steps = dict(told)
+    steps = dict(steps_given)
     airframe, seed, _ = steps["glide"]
     assert (airframe, seed) == (drawn().airframe, 3)
     assert steps["identify"][2] == MeanWind(wind_of(drawn().airframe), 0.0)
-    assert [what[2] for name, what in told if name == "soar"] == list(SETS)
+    assert [what[2] for name, what in steps_given if name == "soar"] == list(SETS)
     own, text, _, seed, _ = steps["soar"]
     assert (text, seed) == ("tuned", 1003)
     # A link is whole ticks of 5 ms late, and at least one.

@@ -78,16 +78,16 @@ def test_accelerations_are_worth_more_than_a_third_of_e_rho() -> None:
 @pytest.mark.parametrize("name", ASKED)
 def test_place_and_speed_are_known_as_well_as_is_asked(name: str) -> None:
     asked = ASKED[name]
-    seen = watch(EstimatorFlight(line="c", seed=3, sensors=asked.sensors, duration_s=FLIGHT_S))
-    assert not seen.ended
-    with_them, without = known([seen], True), known([seen], False)
+    watched = watch(EstimatorFlight(line="c", seed=3, sensors=asked.sensors, duration_s=FLIGHT_S))
+    assert not watched.ended
+    with_them, without = known([watched], True), known([watched], False)
     assert with_them.position_mm <= asked.position_mm
     assert with_them.velocity_mmps <= asked.velocity_mmps
     assert with_them.velocity_mmps < without.velocity_mmps
 
 
 def test_gaps_are_flown_through() -> None:
-    seen = watch(
+    watched = watch(
         EstimatorFlight(
             line="a",
             seed=1,
@@ -97,11 +97,11 @@ def test_gaps_are_flown_through() -> None:
             reception="with one gap",
         )
     )
-    assert not seen.ended
-    sigma = seen.read[True][:, 6]
-    gap = seen.time_s > ONE_GAP_S + 0.1
+    assert not watched.ended
+    sigma = watched.read[True][:, 6]
+    gap = watched.time_s > ONE_GAP_S + 0.1
     assert all(b > a for a, b in pairwise(sigma[gap]))
-    assert np.max(np.abs(seen.read[True][gap, :3] - seen.truth[gap, :3])) < 0.1
+    assert np.max(np.abs(watched.read[True][gap, :3] - watched.truth[gap, :3])) < 0.1
 
 
 def test_the_laboratorys_chain_flies() -> None:

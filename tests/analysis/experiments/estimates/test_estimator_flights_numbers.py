@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import Told
+from by_hand import ScriptedFlyer
 
 from tgl_soar.analysis.experiments.estimates import estimator_flights
 from tgl_soar.analysis.experiments.estimates.estimator_flights import (
@@ -328,8 +328,8 @@ def test_a_compiled_flight_is_of_its_own_seed_gains_and_changes(
         flown.append(given)
         return trajectory()
 
-    anew = cache(estimator_flights._prepared.__wrapped__)
-    monkeypatch.setattr(estimator_flights, "_prepared", anew)
+    uncached = cache(estimator_flights._prepared.__wrapped__)
+    monkeypatch.setattr(estimator_flights, "_prepared", uncached)
     monkeypatch.setattr(estimator_flights, "prepare", prepare)
     monkeypatch.setattr(estimator_flights, "fly_compiled", fly)
     flight = EstimatorFlight(line="c", seed=7, sensors=IMU, duration_s=11.5)
@@ -389,8 +389,8 @@ def test_ratios_are_of_the_first_to_the_second_and_say_what_they_leave_out() -> 
 
 def wilson_bounds(k: int, n: int) -> tuple[float, float]:
     """The two roots p of (k/n − p)² = z² p (1 − p) / n."""
-    z2, share = 1.959964**2, k / n
-    low, high = sorted(np.roots([1.0 + z2 / n, -2.0 * share - z2 / n, share**2]).real)
+    z2, fraction = 1.959964**2, k / n
+    low, high = sorted(np.roots([1.0 + z2 / n, -2.0 * fraction - z2 / n, fraction**2]).real)
     return float(low), float(high)
 
 
@@ -433,28 +433,28 @@ def test_a_watched_flight_holds_two_estimates_beside_the_truth(
 ) -> None:
     monkeypatch.setattr(estimator_flights, "SETTLE_S", 0.5)
     flight = EstimatorFlight(line="b", seed=2, sensors=IMU, duration_s=1.0, turbulence=0.01)
-    seen, flown = watch(flight), [tick.truth for tick in _ticks(flight)]
-    assert seen.flight == flight
-    assert seen.ended == ""
-    assert seen.duration_s == pytest.approx(0.995)
+    watched, flown = watch(flight), [tick.truth for tick in _ticks(flight)]
+    assert watched.flight == flight
+    assert watched.ended == ""
+    assert watched.duration_s == pytest.approx(0.995)
     after = [truth for truth in flown if truth.time_s > 0.5]
-    np.testing.assert_array_equal(seen.time_s, [truth.time_s for truth in after])
+    np.testing.assert_array_equal(watched.time_s, [truth.time_s for truth in after])
     columns = ("x_m", "y_m", "z_m", "velocity_x_mps", "velocity_y_mps", "climb_mps")
     for column, name in enumerate(columns):
         np.testing.assert_array_equal(
-            seen.truth[:, column], [getattr(truth, name) for truth in after]
+            watched.truth[:, column], [getattr(truth, name) for truth in after]
         )
     for imu in (True, False):
-        error = seen.read[imu][:, :6] - seen.truth
+        error = watched.read[imu][:, :6] - watched.truth
         assert np.max(np.abs(error[:, :3])) < 0.05
         assert np.max(np.abs(error[:, 3:])) < 0.5
-        assert np.all((seen.read[imu][:, 6:] > 0.0) & (seen.read[imu][:, 6:] < 1.0))
-        assert seen.read[imu].shape == (len(after), 8)
-    assert np.mean(np.abs(seen.read[True] - seen.read[False])) > 1e-4
+        assert np.all((watched.read[imu][:, 6:] > 0.0) & (watched.read[imu][:, 6:] < 1.0))
+        assert watched.read[imu].shape == (len(after), 8)
+    assert np.mean(np.abs(watched.read[True] - watched.read[False])) > 1e-4
 
 
 def test_what_is_known_is_of_all_flights_and_of_one_of_the_two_estimators() -> None:
-    def seen(error_m: float, error_mps: float, sigma_m: float) -> WatchedFlight:
+    def one_watched(error_m: float, error_mps: float, sigma_m: float) -> WatchedFlight:
         truth = np.tile([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], (4, 1))
         read = np.column_stack([truth, np.full((4, 1), sigma_m), np.full((4, 1), 0.1)])
         read[:, 1] -= error_m
@@ -468,12 +468,12 @@ def test_what_is_known_is_of_all_flights_and_of_one_of_the_two_estimators() -> N
             read={False: read, True: np.column_stack([truth, np.ones((4, 2))])},
         )
 
-    found = known([seen(0.03, 0.3, 0.01), seen(0.01, 0.1, 0.02)], False)
+    found = known([one_watched(0.03, 0.3, 0.01), one_watched(0.01, 0.1, 0.02)], False)
     assert found.position_mm == pytest.approx(1e3 * sqrt(0.0005))
     assert found.velocity_mmps == pytest.approx(1e3 * sqrt(0.05))
     assert found.position_normalised == pytest.approx((9.0 + 0.25) / 2.0 / 3.0)
     assert found.velocity_normalised == pytest.approx((9.0 + 1.0) / 2.0 / 3.0)
-    assert known([seen(0.03, 0.3, 0.01)], True)[:2] == (0.0, 0.0)
+    assert known([one_watched(0.03, 0.3, 0.01)], True)[:2] == (0.0, 0.0)
 
 
 # --- many flights -------------------------------------------------------------------------------
@@ -483,7 +483,7 @@ def test_flights_are_given_back_under_their_names() -> None:
     def seeds(*found: int) -> list[EstimatorFlight]:
         return [EstimatorFlight(line="a", seed=seed, sensors=PLAIN) for seed in found]
 
-    flyer = Told(lambda job: one(0.0, duration_s=float(job.seed)))
+    flyer = ScriptedFlyer(lambda job: one(0.0, duration_s=float(job.seed)))
     found = fly_each(flyer, fly_scored, {"one": seeds(3, 1), "none": [], "two": seeds(2)})
     assert {name: [each.duration_s for each in flown] for name, flown in found.items()} == {
         "one": [3.0, 1.0],
@@ -501,7 +501,7 @@ def test_from_two_hundred_flights_on_they_are_compiled_but_for_those_with_corrup
     monkeypatch.setattr(estimator_flights, "available", lambda: there)
     flight = EstimatorFlight(line="a", seed=1, sensors=PLAIN)
     simple = [flight._replace(seed=seed) for seed in range(flights)]
-    flyer = Told(lambda job: one(0.0, duration_s=float(job.seed)))
+    flyer = ScriptedFlyer(lambda job: one(0.0, duration_s=float(job.seed)))
     gaps = [flight._replace(seed=900, reception="with gaps")]
     found = fly_named(flyer, {"gaps": gaps}, {"many": simple[:-1], "last": simple[-1:]})
     assert flyer.by == (["fly_scored", "fly_scored_compiled"] if compiled else ["fly_scored"])

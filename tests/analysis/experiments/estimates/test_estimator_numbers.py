@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import Told, signs
+from by_hand import ScriptedFlyer, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates import estimator as module
@@ -180,7 +180,9 @@ def scored(e_rho_m: float, activity_ps: float = 1.0, ended: str = "") -> Scored:
     )
 
 
-def seen(flight: EstimatorFlight, error_m: float = 0.002, error_mps: float = 0.02) -> WatchedFlight:
+def watched_flight(
+    flight: EstimatorFlight, error_m: float = 0.002, error_mps: float = 0.02
+) -> WatchedFlight:
     """Height and climb so much too high, with accelerations; twice as much without."""
     time = np.arange(10.03, 20.0, 0.1)
     truth = np.column_stack([np.full((len(time), 6), 1.0) * [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
@@ -200,14 +202,14 @@ Answer = Callable[[EstimatorFlight], Any]
 def good(flight: EstimatorFlight) -> Any:
     """Half the rms e_rho with accelerations, for 1.4 times the activity."""
     if flight.duration_s == 20.0:
-        return seen(flight)
+        return watched_flight(flight)
     if flight.sensors.imu is not None:
         return scored(0.005, 1.4)
     return scored(0.010)
 
 
 def concluded(answer: Answer, quick: bool = True) -> Result:
-    return estimator(Context(flyer=Told(answer), quick=quick))
+    return estimator(Context(flyer=ScriptedFlyer(answer), quick=quick))
 
 
 def but(is_one: Callable[[EstimatorFlight], bool], other: Scored) -> Answer:
@@ -269,7 +271,7 @@ def test_a_ratio_that_is_its_bound_is_met() -> None:
 
     def answer(flight: EstimatorFlight) -> Any:
         if flight.duration_s == 20.0:
-            return seen(flight)
+            return watched_flight(flight)
         if flight.sensors.imu is not None:
             late = flight.sensors.position.delay_s == 0.12
             return scored(3.6 if late else 3.0, 1.5)
@@ -350,7 +352,7 @@ def test_place_and_speed_are_both_asked_for(
 ) -> None:
     def answer(flight: EstimatorFlight) -> Any:
         watched = flight.duration_s == 20.0
-        return seen(flight, error_m, error_mps) if watched else good(flight)
+        return watched_flight(flight, error_m, error_mps) if watched else good(flight)
 
     claims = concluded(answer).claims
     assert (claims[6].holds, claims[7].holds) == found
@@ -427,7 +429,7 @@ def test_a_gap_is_drawn_in_centimetres_within_two_sigmas(
     drawn: list[Any] = []
     monkeypatch.setattr(curves_figures, "curves_figure", lambda *given: drawn.append(given))
 
-    result = estimator(Context(flyer=Told(good), quick=True, figures=tmp_path))
+    result = estimator(Context(flyer=ScriptedFlyer(good), quick=True, figures=tmp_path))
     assert result.figures == ("estimator.png",)
     ((path, panels, title),) = drawn
     assert path == tmp_path / "estimator.png"

@@ -7,7 +7,7 @@ from math import isnan, nan, sqrt
 
 import numpy as np
 import pytest
-from by_hand import Told, flight, signs
+from by_hand import ScriptedFlyer, flight, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates.incidence import (
@@ -92,10 +92,10 @@ def test_a_deep_stall_is_from_sixteen_degrees_to_25(true_deg: float, is_deep: bo
     assert deep.measured == ("50 %" if is_deep else "100 %")
 
 
-@pytest.mark.parametrize(("seen", "holds"), [(8, True), (7, False)])
-def test_most_of_each_stall_is_seen(seen: int, holds: bool) -> None:
+@pytest.mark.parametrize(("shown", "holds"), [(8, True), (7, False)])
+def test_most_of_each_stall_is_seen(shown: int, holds: bool) -> None:
     true = np.array([18.0] * 10)
-    deep, _ = _claims({"w": (true, np.array([14.0] * seen + [9.0] * (10 - seen)))}, 12.6)
+    deep, _ = _claims({"w": (true, np.array([14.0] * shown + [9.0] * (10 - shown)))}, 12.6)
     assert deep.holds is holds
     never, _ = _claims({"w": (np.full(9, 5.0), np.full(9, 5.0))}, 12.6)
     assert not never.holds
@@ -135,7 +135,7 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def concluded() -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return incidence(Context(flyer=flyer)), flyer.jobs
 
 
@@ -164,10 +164,10 @@ def test_each_wing_has_its_ranges_and_its_claims() -> None:
     result = concluded()[0]
     wings = ["as the file", "stall 1.5° earlier, lift − 5 %", "stall 1.5° later, lift + 5 %"]
     (table,) = result.tables
-    share = (f"{100 * 58 / 68:.2f}", f"{100 * 10 / 68:.2f}")
-    assert table.rows[0] == (wings[0], "4 to 8", share[0], "+1.0", "0.0", "0", "0")
-    assert table.rows[1] == (wings[0], "16 to 18", share[1], "+1.0", "0.0", "100", "0")
-    assert table.rows[3] == (wings[1], "16 to 18", share[1], "-6.0", "0.0", "0", "0")
+    fraction = (f"{100 * 58 / 68:.2f}", f"{100 * 10 / 68:.2f}")
+    assert table.rows[0] == (wings[0], "4 to 8", fraction[0], "+1.0", "0.0", "0", "0")
+    assert table.rows[1] == (wings[0], "16 to 18", fraction[1], "+1.0", "0.0", "100", "0")
+    assert table.rows[3] == (wings[1], "16 to 18", fraction[1], "-6.0", "0.0", "0", "0")
     assert [row[0] for row in table.rows] == [wing for wing in wings for _ in range(2)]
     assert {len(row) for row in table.rows} == {len(table.columns)}
     assert signs(result.claims) == "✓✓✗✓✗✓"

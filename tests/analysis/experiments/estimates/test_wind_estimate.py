@@ -47,10 +47,10 @@ def flights() -> tuple[ObservedFlight, ...]:
 
 
 def test_the_updraft_is_known_as_well_as_it_is_said_to_be() -> None:
-    seen = list(flights())
-    plain = plain_rms(seen)
-    assert score(seen, WITH_PITOT).updraft_mps <= 0.15
-    assert score(seen, WITHOUT).updraft_mps <= 0.7 * plain
+    watched = list(flights())
+    plain = plain_rms(watched)
+    assert score(watched, WITH_PITOT).updraft_mps <= 0.15
+    assert score(watched, WITHOUT).updraft_mps <= 0.7 * plain
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -123,10 +123,10 @@ def test_a_dispersed_flight_is_of_another_aircraft_than_is_known_aboard() -> Non
     ours, theirs = look_on(filed), look_on(filed._replace(dispersed=True))
     assert not np.array_equal(ours.truth, theirs.truth)
     known = _place()[0].aerodynamics().polar
-    for seen in (ours, theirs):
-        airspeed, wind_x = seen.truth[0, 0], seen.truth[0, 2]
+    for watched in (ours, theirs):
+        airspeed, wind_x = watched.truth[0, 0], watched.truth[0, 2]
         assert airspeed == pytest.approx(wind_x, rel=0.05)  # at rest
-        sink = seen.truth[0, 3] - seen.truth[0, 4]
+        sink = watched.truth[0, 3] - watched.truth[0, 4]
         assert sink == pytest.approx(polar_sink(known, wind_x), abs=0.02)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import Told, signs
+from by_hand import ScriptedFlyer, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates import wind_estimate as module
@@ -59,19 +59,19 @@ def test_an_estimator_has_the_sensors_and_the_wing_of_its_name(
 ) -> None:
     assert len(CASES) == 6
     assert (WITH_PITOT, WITHOUT) == ("accelerometers, pitot", "accelerometers")
-    seen: list[Any] = []
+    given: list[Any] = []
 
     def step(params: Any, state: Any, vehicle: Any, inputs: Any, *rest: Any) -> Any:
-        seen.append((params.aerodynamics, inputs))
+        given.append((params.aerodynamics, inputs))
         return wind_step(params, state, vehicle, inputs, *rest)
 
     monkeypatch.setattr(module, "wind_step", step)
     look_on(SHORT._replace(cases=(name,)))
     known = _place()[0].aerodynamics()
-    assert {wing for wing, _ in seen} == {wrong_wing(known, 1) if wrong else known}
-    assert any(inputs.imu != NO_IMU for _, inputs in seen) is imu
-    assert any(inputs.airspeed != NO_AIRSPEED for _, inputs in seen) is pitot
-    assert all(inputs.engage and inputs.autopilot.armed for _, inputs in seen)
+    assert {wing for wing, _ in given} == {wrong_wing(known, 1) if wrong else known}
+    assert any(inputs.imu != NO_IMU for _, inputs in given) is imu
+    assert any(inputs.airspeed != NO_AIRSPEED for _, inputs in given) is pitot
+    assert all(inputs.engage and inputs.autopilot.armed for _, inputs in given)
 
 
 def test_the_pitch_is_wrong_by_half_a_degree_up_in_odd_seeds_and_down_in_even_ones(
@@ -100,7 +100,7 @@ def test_the_pitch_is_wrong_by_half_a_degree_up_in_odd_seeds_and_down_in_even_on
 def test_an_estimator_is_told_the_elevator_of_the_tick_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told: list[float] = []
+    elevators: list[float] = []
     ordered: list[float] = []
 
     class Loop(ClosedLoop):
@@ -110,17 +110,17 @@ def test_an_estimator_is_told_the_elevator_of_the_tick_before(
             return output
 
     def step(params: Any, state: Any, vehicle: Any, inputs: Any, *rest: Any) -> Any:
-        told.append(rest[1])
-        assert len(told) <= 20 or rest[0] > 0.0  # how well the velocity is known
+        elevators.append(rest[1])
+        assert len(elevators) <= 20 or rest[0] > 0.0  # how well the velocity is known
         assert rest[2]
         return wind_step(params, state, vehicle, inputs, *rest)
 
     monkeypatch.setattr(module, "ClosedLoop", Loop)
     monkeypatch.setattr(module, "wind_step", step)
     look_on(SHORT._replace(cases=(WITHOUT,)))
-    assert isnan(told[0])
-    np.testing.assert_array_equal(told[1:], ordered[:-1])
-    assert len(set(told[1:])) > 3
+    assert isnan(elevators[0])
+    np.testing.assert_array_equal(elevators[1:], ordered[:-1])
+    assert len(set(elevators[1:])) > 3
 
 
 def test_the_line_is_changed_after_each_leg(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,15 +138,15 @@ def test_the_line_is_changed_after_each_leg(monkeypatch: pytest.MonkeyPatch) -> 
             super().change(values)
 
     monkeypatch.setattr(module, "ClosedLoop", Loop)
-    seen = look_on(SHORT._replace(lines=("a", "b", "c"), cases=(WITHOUT,)))
+    flown = look_on(SHORT._replace(lines=("a", "b", "c"), cases=(WITHOUT,)))
     assert [after for after, _ in changed] == [60, 120]
     assert [x_m for _, x_m in changed] == pytest.approx([0.60, 1.05])
-    assert ticks == len(seen.time_s) == 180
-    assert seen.duration_s == pytest.approx(0.9)
-    np.testing.assert_allclose(seen.time_s, 0.005 * np.arange(180))
+    assert ticks == len(flown.time_s) == 180
+    assert flown.duration_s == pytest.approx(0.9)
+    np.testing.assert_allclose(flown.time_s, 0.005 * np.arange(180))
     # It begins where the site has it start, whatever the line.
-    assert seen.read[WITHOUT].shape == (180, 7)
-    assert seen.truth.shape == (180, 5)
+    assert flown.read[WITHOUT].shape == (180, 7)
+    assert flown.truth.shape == (180, 5)
 
 
 def test_a_flight_that_does_not_fly_a_second_after_its_begin_is_over(
@@ -161,18 +161,18 @@ def test_a_flight_that_does_not_fly_a_second_after_its_begin_is_over(
 def test_a_crash_is_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "TURBULENCE", 1.0)
     monkeypatch.setattr(module, "is_flying", lambda _: True)
-    seen = look_on(SHORT._replace(leg_s=9.0, cases=(WITHOUT,)))
-    assert len(seen.time_s) < 1800
-    assert seen.duration_s == pytest.approx(len(seen.time_s) / 200.0)
+    flown = look_on(SHORT._replace(leg_s=9.0, cases=(WITHOUT,)))
+    assert len(flown.time_s) < 1800
+    assert flown.duration_s == pytest.approx(len(flown.time_s) / 200.0)
 
 
 def test_excess_updraft_is_by_the_sink_at_the_horizontal_airspeed() -> None:
     """From airspeed and climb through the air, and for the climb what is read of it."""
-    seen = look_on(SHORT._replace(lines=("c",), leg_s=2.5, cases=(WITHOUT,)))
+    flown = look_on(SHORT._replace(lines=("c",), leg_s=2.5, cases=(WITHOUT,)))
     polar = _place()[0].aerodynamics().polar
-    airspeed, _, wind, updraft, excess = seen.truth[20:].T
+    airspeed, _, wind, updraft, excess = flown.truth[20:].T
     sink = updraft - excess
-    climb = seen.plain[20:] - sink
+    climb = flown.plain[20:] - sink
     flat = np.sqrt(airspeed**2 - (updraft - climb) ** 2)
     np.testing.assert_allclose(sink, [polar_sink(polar, float(u)) for u in flat], atol=0.03)
     assert np.max(np.abs(flat - wind)) > 0.3  # it moves over the ground
@@ -270,12 +270,12 @@ def good(flight: WindFlight) -> ObservedFlight:
 
 
 def concluded(answer: Answer, quick: bool = True) -> Result:
-    return wind_estimate(Context(flyer=Told(answer), quick=quick))
+    return wind_estimate(Context(flyer=ScriptedFlyer(answer), quick=quick))
 
 
 @cache
 def whole() -> tuple[Result, list[WindFlight]]:
-    flyer = Told(good)
+    flyer = ScriptedFlyer(good)
     return wind_estimate(Context(flyer=flyer)), flyer.jobs
 
 
@@ -286,7 +286,7 @@ def test_each_line_is_flown_with_each_seed_and_all_of_them_once_to_be_drawn() ->
     assert tour == WindFlight(
         lines=("a", "b", "c"), seed=1, leg_s=12.0, cases=(WITH_PITOT, WITHOUT)
     )
-    apart = Told(good)
+    apart = ScriptedFlyer(good)
     wind_estimate(Context(flyer=apart, quick=True, dispersion=True))
     assert [(f.lines, f.seed, f.dispersed) for f in apart.jobs[:3]] == [
         (("a",), 1, True),
@@ -370,8 +370,10 @@ def test_those_that_are_too_large_for_the_right_wing_are_counted() -> None:
     assert "that are have" not in timid_claim(wrong).measured
 
 
-@pytest.mark.parametrize(("early", "told"), [(9, True), (10, False)])
-def test_where_more_than_a_tenth_ended_early_nothing_is_claimed(early: int, told: bool) -> None:
+@pytest.mark.parametrize(("early", "is_reported"), [(9, True), (10, False)])
+def test_where_more_than_a_tenth_ended_early_nothing_is_claimed(
+    early: int, is_reported: bool
+) -> None:
     """Of 96 flights; six seconds are not enough."""
 
     def answer(flight: WindFlight) -> ObservedFlight:
@@ -379,10 +381,10 @@ def test_where_more_than_a_tenth_ended_early_nothing_is_claimed(early: int, told
         return observed(flight, {WITH_PITOT: 50.0} if is_early else {}, 6.0 if is_early else 12.0)
 
     result = concluded(answer, quick=False)
-    assert signs(result.claims) == ("✓✓✓✓" if told else "✗✗✗✗")
+    assert signs(result.claims) == ("✓✓✓✓" if is_reported else "✗✗✗✗")
     assert f" {early} ended within 6 s: no figure has them." in result.flown
     lasted = f"of 96 flights {96 - early} lasted for 6 s"
-    assert (result.claims[0].measured == lasted) is not told
+    assert (result.claims[0].measured == lasted) is not is_reported
 
 
 def test_a_flight_of_more_than_six_seconds_is_scored() -> None:
@@ -417,7 +419,7 @@ def test_the_flight_that_is_drawn_is_shown_in_time_and_across_the_plane(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(curves_figures, "curves_figure", lambda *given: drawn.append(given))
-    result = wind_estimate(Context(flyer=Told(good), quick=True, figures=tmp_path))
+    result = wind_estimate(Context(flyer=ScriptedFlyer(good), quick=True, figures=tmp_path))
     assert result.figures == ("wind_estimate.png",)
     ((path, panels, _),) = drawn
     assert path == tmp_path / "wind_estimate.png"

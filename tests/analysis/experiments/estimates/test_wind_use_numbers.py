@@ -8,7 +8,7 @@ from math import degrees
 from typing import Any
 
 import pytest
-from by_hand import Told, signs
+from by_hand import ScriptedFlyer, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.estimates.estimator_flights import (
@@ -45,7 +45,7 @@ def flown(flight: EstimatorFlight) -> Scored:
 
 
 def concluded(**options: Any) -> tuple[Result, list[EstimatorFlight]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return wind_use(Context(flyer=flyer, compiled_from=10_000, **options)), flyer.jobs
 
 

@@ -143,9 +143,9 @@ def test_so_many_starts_are_flown(quick: bool, count: int, monkeypatch: pytest.M
 
     def fly(place: e.SlidePlace, _polar: Any, starts: Sequence[Any], _rng: Any) -> list[e.Slid]:
         flown.append((place.name, len(starts)))
-        told = NO_FORECAST._replace(standing=TOO_LOW, ahead_s=2.0)
+        foreseen_now = NO_FORECAST._replace(standing=TOO_LOW, ahead_s=2.0)
         return [
-            e.Slid(start=START, foreseen=told, time_s=1.0, left_m=0.5, is_outside=False)
+            e.Slid(start=START, foreseen=foreseen_now, time_s=1.0, left_m=0.5, is_outside=False)
             for _ in starts
         ]
 
@@ -492,10 +492,10 @@ def test_every_start_is_slid_and_forecast() -> None:
 
 
 def ended(time_s: float, left_m: float, ahead_s: float | None = None, out: bool = False) -> e.Slid:
-    told = None
+    foreseen_now = None
     if ahead_s is not None:
-        told = NO_FORECAST._replace(standing=TOO_LOW, ahead_s=ahead_s)
-    return e.Slid(start=START, foreseen=told, time_s=time_s, left_m=left_m, is_outside=out)
+        foreseen_now = NO_FORECAST._replace(standing=TOO_LOW, ahead_s=ahead_s)
+    return e.Slid(start=START, foreseen=foreseen_now, time_s=time_s, left_m=left_m, is_outside=out)
 
 
 def test_the_row_of_lines_without_a_place_counts_each_end_once() -> None:

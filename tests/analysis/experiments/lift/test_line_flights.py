@@ -223,12 +223,12 @@ class Search:
     made: list[Search] = []  # noqa: RUF012 - of one test
 
     def __init__(self, _polar: Any) -> None:
-        self.heard: list[int] = []
+        self.received: list[int] = []
         self.asked: list[int] = []
         Search.made.append(self)
 
     def listen(self, look: int) -> None:
-        self.heard.append(look)
+        self.received.append(look)
 
     def seek(self, look: int) -> Any:
         self.asked.append(look)
@@ -243,25 +243,25 @@ def test_a_search_hears_all_and_seeks_once_nowhere_is_foreseen(
     act: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Flight.made, Search.made = [], []
-    said: list[tuple[Any, float]] = []
+    asked: list[tuple[Any, float]] = []
     monkeypatch.setattr(e, "EpisodeFlight", Flight)
     monkeypatch.setattr(e, "MapSearch", Search)
     monkeypatch.setattr(e, "line_place", lambda there, *_: there)
     monkeypatch.setattr(
-        e, "flown_of", lambda _flight, episode, seeks_s: said.append((episode, seeks_s))
+        e, "flown_of", lambda _flight, episode, seeks_s: asked.append((episode, seeks_s))
     )
     e.fly_line(e.LineJob(kind="tunnel", seed=3001, settles=False, act=act, dispersed=True))
     (flight,) = Flight.made
     assert flight.parameters == {"FC_ACT": float(act)}
     assert flight.place.dispersed
-    ((episode, seeks_s),) = said
+    ((episode, seeks_s),) = asked
     assert (episode.landing_m, episode.place) == (0.7, flight.place)
     if act == DISENGAGE:
         assert Search.made == []
         assert (seeks_s, flight.looks, flight.sets) == (inf, 10, [])
         return
     (search,) = Search.made
-    assert search.heard == [2, 3, 4, 5, 6, 7, 8]
+    assert search.received == [2, 3, 4, 5, 6, 7, 8]
     assert search.asked == [5, 6, 7, 8]
     assert seeks_s == pytest.approx(0.5)
     assert episode.given_up == "nothing there"
@@ -483,14 +483,14 @@ def test_both_kinds_of_lines_are_flown_compiled_with_both_answers(
         given_up="", flown_s=8.0,
     )  # fmt: skip
 
-    class Told(Flyer):
+    class NotedFlyer(Flyer):
         def each(self, fly: Any, jobs: Any, *, compiled: bool = False) -> Any:
             assert fly is e.fly_line
             assert compiled  # else each would compile for itself, or fly for hours
             asked.extend(jobs)
             return [nobody._replace(found=job.seed != 3002) for job in asked]
 
-    result = e.run(Context(Told(), quick=quick, episodes=episodes))
+    result = e.run(Context(NotedFlyer(), quick=quick, episodes=episodes))
     assert asked == [
         e.LineJob(kind=kind, seed=seed, settles=settles, act=act)
         for kind in KINDS

@@ -423,7 +423,7 @@ def test_small_numbers_are_told_as_they_are() -> None:
     assert s.without_a_place_s(FOUND, 40.0) == 4.0
 
 
-class Seen(MapSearch):
+class UnsetSearch(MapSearch):
     """A search that was watched."""
 
     snapshots = []  # noqa: RUF012 - nothing is kept
@@ -441,7 +441,7 @@ def test_a_search_that_had_to_move_is_drawn_and_twelve_failures_of_each_kind(
 
     def again(there: Any, _called: str, keep: tuple[float, ...] = ()) -> Any:
         flown.append((there.kind, there.seed, keep))
-        return None, None, Seen.__new__(Seen)
+        return None, None, UnsetSearch.__new__(UnsetSearch)
 
     monkeypatch.setattr(s, "_flown", again)
     monkeypatch.setattr(s, "place", lambda kind, seed: SimpleNamespace(kind=kind, seed=seed))

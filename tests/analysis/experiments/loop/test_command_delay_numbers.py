@@ -6,7 +6,7 @@ from functools import cache
 from math import degrees, isnan, sqrt
 
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import ScriptedFlyer, flight, leg, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import FlownScenario, ScenarioJob
@@ -31,18 +31,18 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def servo_s() -> float:
-    base = prepare(Context(flyer=Told(flown)).scenario("command_delay"))
+    base = prepare(Context(flyer=ScriptedFlyer(flown)).scenario("command_delay"))
     return base.airframe.model["servo_delay_s"]
 
 
 @cache
 def concluded(quick: bool = False) -> tuple[Result, list[ScenarioJob], list[str]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return command_delay(Context(flyer=flyer, quick=quick)), flyer.jobs, flyer.by
 
 
 def test_every_delay_is_flown_unknown_and_all_but_none_known() -> None:
-    base = prepare(Context(flyer=Told(flown)).scenario("command_delay"))
+    base = prepare(Context(flyer=ScriptedFlyer(flown)).scenario("command_delay"))
     kinds: dict[tuple[bool, float, float], list[tuple[str, int]]] = {}
     for job in concluded()[1]:
         ((name, delay_s),) = job.aircraft
@@ -68,7 +68,7 @@ def test_a_quick_one_flies_the_ends_and_a_dispersed_one_other_aircraft() -> None
     late = {round(1e3 * (j.aircraft[0][1] - servo_s())) for j in concluded(quick=True)[1]}
     assert late == {0, 30}
     assert {job.seed for job in concluded(quick=True)[1]} == {1}
-    apart = Told(flown)
+    apart = ScriptedFlyer(flown)
     command_delay(Context(flyer=apart, quick=True, dispersion=True))
     assert all(job.dispersed for job in apart.jobs)
 
@@ -91,7 +91,7 @@ def test_a_row_is_in_centimetres_and_degrees_with_wilsons_interval() -> None:
     assert rows["with", "0", "unknown", "a"] == ("4 of 4", "51 to 100 %", *figures)
     assert rows["without", "30", "unknown", "b"] == ("3 of 4", "30 to 95 %", *figures)
     assert {len(row) for row in table.rows} == {len(table.columns)}
-    nothing = command_delay(Context(flyer=Told(lambda _: flight(ended="hit")), quick=True))
+    nothing = command_delay(Context(flyer=ScriptedFlyer(lambda _: flight(ended="hit")), quick=True))
     assert nothing.tables[0].rows[0][4:] == ("0 of 1", "0 to 79 %", "–", "–", "–")
 
 

@@ -7,7 +7,7 @@ from math import degrees
 
 import numpy as np
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import ScriptedFlyer, flight, leg, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import FlownScenario, ScenarioJob
@@ -47,7 +47,7 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def concluded(quick: bool = True) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return latency(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 

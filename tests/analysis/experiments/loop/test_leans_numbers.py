@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from by_hand import Told, flight, signs
+from by_hand import ScriptedFlyer, flight, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.flights import FlownScenario, ScenarioJob
@@ -51,7 +51,7 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def concluded(quick: bool = False) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return leans(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 

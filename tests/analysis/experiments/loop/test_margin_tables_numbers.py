@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from by_hand import Told, signs
+from by_hand import ScriptedFlyer, signs
 from msgspec.structs import asdict
 from test_margin_tables import FAR, NONE, bears, found, has
 
@@ -238,7 +238,7 @@ def answer(one: Any) -> Any:
 
 @cache
 def concluded(quick: bool = False) -> tuple[Result, list[Any]]:
-    flyer = Told(answer)
+    flyer = ScriptedFlyer(answer)
     return margins(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 
@@ -362,7 +362,7 @@ def test_a_fiftieth_is_below_what_stands_in_brackets() -> None:
             return answer(drawn)
         return has(0.9 - 0.01 * drawn.number, 0.5 + 0.01 * drawn.number, 0.5)
 
-    drawn = margins(Context(flyer=Told(one))).tables[4]
+    drawn = margins(Context(flyer=ScriptedFlyer(one))).tables[4]
     assert drawn.rows[0][1:3] == ("0.31 (0.32)", "0.50 (0.51)")
     assert drawn.rows[1][1:3] == ("0.61 (0.61)", "0.50 (0.50)")
 
@@ -414,13 +414,13 @@ def test_what_the_schedule_does_not_know_is_not_judged() -> None:
             return found(bears(alpha))
         return answer(one)
 
-    assert signs(margins(Context(flyer=Told(late))).claims) == "✓" * 12
+    assert signs(margins(Context(flyer=ScriptedFlyer(late))).claims) == "✓" * 12
 
     def too_late(one: Any) -> Any:
         known = isinstance(one, TableJob) and one.late_s == 0.05 and one.known
         return found(bears(0.49)) if known else answer(one)
 
-    claims = margins(Context(flyer=Told(too_late))).claims
+    claims = margins(Context(flyer=ScriptedFlyer(too_late))).claims
     assert [i for i, claim in enumerate(claims) if not claim.holds] == [4]
     assert claims[4].measured == "0.49 at least, 50 ms late, with accelerometers"
 
@@ -450,11 +450,11 @@ def test_no_drawn_aircraft_is_without_any_margin(column: int, alpha: float, hold
     assert claim.measured == f"{int(not holds)} of 3"
 
 
-@pytest.mark.parametrize(("share", "holds"), [(0.849, True), (0.851, False)])
-def test_gains_that_were_sought_are_worth_fifteen_per_cent(share: float, holds: bool) -> None:
+@pytest.mark.parametrize(("fraction", "holds"), [(0.849, True), (0.851, False)])
+def test_gains_that_were_sought_are_worth_fifteen_per_cent(fraction: float, holds: bool) -> None:
     """As the geometric mean of those drawn."""
-    pair = [has(0.6, 0.5, 0.5, share * 2.0), has(0.6, 0.5, 0.5, share / 2.0)]
-    assert sqrt(share * 2.0 * share / 2.0) == pytest.approx(exp(0.5 * 2.0 * log(share)))
+    pair = [has(0.6, 0.5, 0.5, fraction * 2.0), has(0.6, 0.5, 0.5, fraction / 2.0)]
+    assert sqrt(fraction * 2.0 * fraction / 2.0) == pytest.approx(exp(0.5 * 2.0 * log(fraction)))
     for kind in (INERTIAL, PLAIN):
         claims = drawn_claims([RefusedFound(NONE, NONE)], {**STABLE, kind: pair})
         assert claims[2 if kind == INERTIAL else 3].holds is holds

@@ -41,7 +41,7 @@ BEAT = BeatFlight(
 )  # fmt: skip
 
 
-class Told(Flyer):
+class AskedFlyer(Flyer):
     """Flies nothing: of each job a flight of its case and seed."""
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class Told(Flyer):
 
 
 def asked(run: Callable[[Context], Any], **given: Any) -> tuple[list[Any], Any]:
-    flyer = Told()
+    flyer = AskedFlyer()
     result = run(Context(flyer, **given))
     return flyer.jobs, result
 
@@ -220,10 +220,10 @@ class Walked:
 
     def __init__(self, look: Any, kind: str, seed: int) -> None:
         Walked.made.append((look, kind, seed))
-        self.seen: list[Any] = []
+        self.looks: list[Any] = []
 
     def look(self, look: int) -> Any:
-        self.seen.append(look)
+        self.looks.append(look)
         target = TargetLine(float(look), 2.0, eta_from_lean(radians(15.0)))
         return SimpleNamespace(target=target)
 

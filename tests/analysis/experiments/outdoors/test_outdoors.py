@@ -96,11 +96,11 @@ def test_every_flight_that_does_not_end_well_is_reported_by_itself(landed: Flown
     good = replace(landed, along_m=0.0, across_m=0.0, sink_mps=0.5)
     far = replace(good, seed=77, along_m=12.3)
     hard = replace(good, seed=78, sink_mps=2.0)
-    told = outdoors._badly([good, far, hard])
-    assert len(told) == 2
-    assert told[0].startswith("landing 77 (")
-    assert "along 12.3 m" in told[0]
-    assert "sink 2.00 m/s" in told[1]
+    reported = outdoors._badly([good, far, hard])
+    assert len(reported) == 2
+    assert reported[0].startswith("landing 77 (")
+    assert "along 12.3 m" in reported[0]
+    assert "sink 2.00 m/s" in reported[1]
 
 
 def test_the_tables_the_claims_and_the_figure(tmp_path: Path) -> None:

@@ -184,7 +184,7 @@ FLOWN = ranges._RangedFlight(
 )  # fmt: skip
 
 
-def said(monkeypatch: pytest.MonkeyPatch, kind: str, flights: Sequence[Any]) -> RangeFlight:
+def judge(monkeypatch: pytest.MonkeyPatch, kind: str, flights: Sequence[Any]) -> RangeFlight:
     asked: list[tuple[bool, int]] = []
     given = iter(flights)
 
@@ -204,7 +204,7 @@ def said(monkeypatch: pytest.MonkeyPatch, kind: str, flights: Sequence[Any]) -> 
 def test_a_flight_tells_roots_of_mean_squares_and_the_largest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = said(monkeypatch, ranges.HEIGHT_RANGED, [FLOWN])
+    found = judge(monkeypatch, ranges.HEIGHT_RANGED, [FLOWN])
     assert found.off_rms_m == pytest.approx(sqrt((0.01 + 0.16 + 0.04) / 4.0))
     assert found.off_m == 0.4
     assert found.within == 0.75
@@ -217,19 +217,19 @@ def test_a_flight_tells_roots_of_mean_squares_and_the_largest(
 
 def test_a_wrong_rangefinder_is_compared_with_none_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
     without = FLOWN._replace(off_m=[0.1, -0.1, 0.3])
-    found = said(monkeypatch, ranges.WRONG, [FLOWN, without])
+    found = judge(monkeypatch, ranges.WRONG, [FLOWN, without])
     assert found.apart_m == pytest.approx(0.3)
     assert found.fault.startswith("rangefinder.")
     for pair in (
         [FLOWN._replace(ended="hit the hill"), without],
         [FLOWN, without._replace(ended="hit the hill")],
     ):
-        assert said(monkeypatch, ranges.WRONG, pair).apart_m == inf
+        assert judge(monkeypatch, ranges.WRONG, pair).apart_m == inf
 
 
 def test_of_a_flight_without_a_tick_nothing_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     short = FLOWN._replace(off_m=[], height_off_m=[], least_m=nan, ended="disengaged: x")
-    found = said(monkeypatch, ranges.RECEIVER, [short])
+    found = judge(monkeypatch, ranges.RECEIVER, [short])
     assert isnan(found.off_m)
     assert isnan(found.off_rms_m)
     assert isnan(found.height_rms_m)

@@ -114,12 +114,12 @@ def test_satellites_are_lost_for_15_s_and_it_is_said_late_or_not(kind: str) -> N
         assert hypot(fault["north"], fault["east"]) == pytest.approx(0.03, abs=1e-4)
         assert 15.0 <= fault.start_s <= 17.0
     assert len({fault["north"] > 0.0 for fault in every}) == 2
-    told = [fault["told"] for fault in every]
+    reported_s = [fault["told"] for fault in every]
     if kind == sat.UNREPORTED:
-        assert set(told) == {1e6}
+        assert set(reported_s) == {1e6}
     else:
-        assert 5.0 <= min(told) < 5.2
-        assert 9.8 < max(told) <= 10.0
+        assert 5.0 <= min(reported_s) < 5.2
+        assert 9.8 < max(reported_s) <= 10.0
 
 
 def test_a_flight_lasts_until_its_fault_is_over_and_watched() -> None:
@@ -146,8 +146,8 @@ def test_each_kind_has_its_receiver_and_its_leave_to_break_off(
     assert world.sensors.airspeed is None
     assert values["ESC_AUTO"] == (1.0 if kind == sat.HOME else 0.0)
     plain = shipped_hill().on_line("a").values
-    said = {sat.RECEIVER: 0.02, sat.RTK: 0.01}.get(kind, plain["EST_FIX_SD"])
-    assert values["EST_FIX_SD"] == pytest.approx(said)
+    sigma_m = {sat.RECEIVER: 0.02, sat.RTK: 0.01}.get(kind, plain["EST_FIX_SD"])
+    assert values["EST_FIX_SD"] == pytest.approx(sigma_m)
     assert (values["TGL_X"], values["TGL_Z"]) == pytest.approx((-6.2, 14.2))
     assert (world.state.x_m, world.state.z_m) == pytest.approx((-6.2, 13.7))
     assert frame == world.frame
@@ -324,7 +324,7 @@ PLAIN = SinceFault(
 )
 
 
-def said(
+def judge(
     monkeypatch: pytest.MonkeyPatch, kind: str, flights: Sequence[SinceFault]
 ) -> sat.SatelliteFlight:
     """Of a flight, and for a reset of the same without."""
@@ -346,20 +346,20 @@ def test_a_reset_is_compared_instant_by_instant_with_the_same_flight_without(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     without = PLAIN._replace(off_m=[0.08, -0.15, 0.09, 9.0])
-    found = said(monkeypatch, sat.RESET, [PLAIN, without])
+    found = judge(monkeypatch, sat.RESET, [PLAIN, without])
     assert found.apart_m == pytest.approx(0.05)
     for pair in (
         [PLAIN._replace(ended="hit the ground"), without],
         [PLAIN, without._replace(ended="hit the ground")],
     ):
-        assert said(monkeypatch, sat.TURNED, pair).apart_m == inf
-    assert isnan(said(monkeypatch, sat.HELD, [PLAIN]).apart_m)
+        assert judge(monkeypatch, sat.TURNED, pair).apart_m == inf
+    assert isnan(judge(monkeypatch, sat.HELD, [PLAIN]).apart_m)
 
 
 def test_the_largest_is_told_by_its_size_and_beside_the_fix_of_its_instant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = said(monkeypatch, sat.RECEIVER, [PLAIN._replace(off_m=[0.1, -0.5, 0.2, 0.25])._replace(
+    found = judge(monkeypatch, sat.RECEIVER, [PLAIN._replace(off_m=[0.1, -0.5, 0.2, 0.25])._replace(
         fix_off_m=[0.0, 0.1, -0.6, 0.25])])  # fmt: skip
     assert found.off_m == 0.5
     assert found.last_off_m == 0.25
@@ -376,7 +376,7 @@ def test_of_a_flight_that_ends_before_the_fault_nothing_is_known(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     gone = PLAIN._replace(off_m=[], fix_off_m=[], ended="disengaged: x", clearance_m=2.0)
-    found = said(monkeypatch, sat.HELD, [gone])
+    found = judge(monkeypatch, sat.HELD, [gone])
     for value in (found.off_m, found.last_off_m, found.fix_off_m, found.beside_m):
         assert isnan(value)
     assert found.beside_share == 0.0
@@ -389,15 +389,15 @@ def test_of_a_flight_that_ends_before_the_fault_nothing_is_known(
 
 def test_who_touches_down_well_while_landing_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     home = PLAIN._replace(ended="hit the ground", landing=True)
-    assert said(monkeypatch, sat.HOME, [home]).landed
-    assert not said(monkeypatch, sat.HOME, [home]).gone
+    assert judge(monkeypatch, sat.HOME, [home]).landed
+    assert not judge(monkeypatch, sat.HOME, [home]).gone
     for lost in (
         home._replace(landing=False),
         home._replace(touch=(10.1, 0.0, 0.5)),
         home._replace(touch=(0.0, 5.1, 0.5)),
         home._replace(touch=(0.0, 0.0, 1.6)),
     ):
-        found = said(monkeypatch, sat.HOME, [lost])
+        found = judge(monkeypatch, sat.HOME, [lost])
         assert found.lost
         assert found.gone
         assert not found.landed

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import ScriptedFlyer, flight, leg, signs
 from test_air_speed import speed_score
 
 from tgl_soar.analysis.experiments.context import Context
@@ -204,12 +204,12 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def base() -> Any:
-    return Context(flyer=Told(flown)).scenario("speed")
+    return Context(flyer=ScriptedFlyer(flown)).scenario("speed")
 
 
 @cache
 def concluded(quick: bool = False) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return speed(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 
@@ -292,7 +292,7 @@ def test_the_figure_leaves_out_places_that_lost_one_and_is_in_centimetres(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(curves_figures, "curves_figure", lambda *given: drawn.append(given))
-    result = speed(Context(flyer=Told(flown), figures=tmp_path))
+    result = speed(Context(flyer=ScriptedFlyer(flown), figures=tmp_path))
     assert result.figures == ("speed.png",)
     ((path, (turbulent, calm), _),) = drawn
     assert path == tmp_path / "speed.png"

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from by_hand import Told, crossing_along, flight, leg, signs
+from by_hand import ScriptedFlyer, crossing_along, flight, leg, signs
 from test_changing_air import shift, slope_shift
 
 from tgl_soar.air.zeuc import excess_gradient
@@ -44,7 +44,7 @@ LATE_S = 1000.0
 
 @cache
 def scenario(name: str) -> Scenario:
-    return Context(flyer=Told(lambda _: None)).scenario(name)
+    return Context(flyer=ScriptedFlyer(lambda _: None)).scenario(name)
 
 
 # --- a shift ------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def slope_flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def slope_result(quick: bool = False, dispersion: bool = False) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(slope_flown)
+    flyer = ScriptedFlyer(slope_flown)
     result = slope(Context(flyer=flyer, quick=quick, dispersion=dispersion))
     return result, flyer.jobs
 
@@ -191,7 +191,7 @@ def test_slope_lists_six_legs_and_judges_that_all_were_flown() -> None:
     ]
     assert signs(result.claims) == "✓✓✓"
     assert result.seeds == tuple(range(1, 9))
-    short = Told(lambda job: flight(*slope_flown(job).legs[:5]))
+    short = ScriptedFlyer(lambda job: flight(*slope_flown(job).legs[:5]))
     assert signs(slope(Context(flyer=short)).claims)[2] == "✗"
 
 
@@ -206,8 +206,8 @@ def test_a_quick_slope_is_judged_by_twice_the_bound() -> None:
         ]
         return flight(*before, *after)
 
-    assert signs(slope(Context(flyer=Told(off), quick=True)).claims)[1] == "✓"
-    assert signs(slope(Context(flyer=Told(off))).claims)[1] == "✗"
+    assert signs(slope(Context(flyer=ScriptedFlyer(off), quick=True)).claims)[1] == "✓"
+    assert signs(slope(Context(flyer=ScriptedFlyer(off))).claims)[1] == "✗"
 
 
 def test_slope_names_the_line_that_is_farthest_off_its_shift() -> None:
@@ -262,7 +262,7 @@ def wind_flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def wind_result(quick: bool = False) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(wind_flown)
+    flyer = ScriptedFlyer(wind_flown)
     return wind(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 
@@ -379,10 +379,10 @@ def test_the_dispersion_that_wind_is_held_against_is_the_lesser_of_two() -> None
     # Before the wind rises each flight shows 1 cm about its own place, at which all of them are.
     assert shifts["a, 8.5 → 9.5, 1 %"]["dispersion_m"] == pytest.approx(0.01)
     assert shifts["a, 8.5 → 9.5, calm"]["dispersion_m"] == 0.0
-    wide = Told(lambda job: flight(*(leg(job.scenario.first_line, dispersion_m=9.0),) * 2))
+    wide = ScriptedFlyer(lambda job: flight(*(leg(job.scenario.first_line, dispersion_m=9.0),) * 2))
     formula = wind(Context(flyer=wide)).numbers["shifts"]["a, 8.5 → 9.5, 1 %"]["dispersion_m"]
     assert 0.01 < formula < 0.1
-    nobody = Told(lambda job: flight(leg(job.scenario.first_line), ended="hit the board"))
+    nobody = ScriptedFlyer(lambda job: flight(leg(job.scenario.first_line), ended="hit the board"))
     alone = wind(Context(flyer=nobody)).numbers["shifts"]["a, 8.5 → 9.5, 1 %"]
     assert alone["dispersion_m"] == pytest.approx(formula)
     assert alone["lost"] == 8
@@ -492,7 +492,7 @@ def test_winds_figure_shows_centimetres_from_the_place_before(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(flight_figures, "flight_figure", lambda *given: drawn.append(given))
-    result = wind(Context(flyer=Told(wind_flown), figures=tmp_path))
+    result = wind(Context(flyer=ScriptedFlyer(wind_flown), figures=tmp_path))
     assert result.figures == ("wind.png",)
     (path, air, lines, x, z, panels, _, spans), = drawn  # fmt: skip
     assert len(x) == len(z) == 0  # no one flight is drawn

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from by_hand import Told, signs
+from by_hand import ScriptedFlyer, signs
 
 from tgl_soar.analysis.experiments.context import Context
 from tgl_soar.analysis.experiments.paper.field import (
@@ -32,7 +32,7 @@ def places() -> list[HillPosition]:
 
 @cache
 def result() -> Result:
-    return run(Context(flyer=Told(lambda _: None)))
+    return run(Context(flyer=ScriptedFlyer(lambda _: None)))
 
 
 def hill(x_m: float, z_m: float, wind_mps: float) -> tuple[float, float]:
@@ -156,7 +156,7 @@ def test_the_map_is_of_the_hill_in_its_wind_and_in_more(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(positions_figures, "positions_figure", lambda *given: drawn.append(given))
-    figures = run(Context(flyer=Told(lambda _: None), figures=tmp_path)).figures
+    figures = run(Context(flyer=ScriptedFlyer(lambda _: None), figures=tmp_path)).figures
     assert figures == ("field.png",)
     ((path, field, stronger, _, bounds, radius_m, marked, label),) = drawn
     assert path == tmp_path / "field.png"

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
-from by_hand import Told, crossing_along, flight, signs
+from by_hand import ScriptedFlyer, crossing_along, flight, signs
 from test_gust_response import gust_change
 
 from tgl_soar.analysis.experiments.context import Context
@@ -55,12 +55,12 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def concluded() -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return gust(Context(flyer=flyer)), flyer.jobs
 
 
 def test_a_step_of_four_tenths_about_the_wind_that_names_the_places_is_flown() -> None:
-    placed = prepare(Context(flyer=Told(flown)).scenario("gust"))
+    placed = prepare(Context(flyer=ScriptedFlyer(flown)).scenario("gust"))
     jobs = concluded()[1]
     assert [(j.scenario.first_line, j.seed) for j in jobs] == [
         (line, seed) for line in "abcd" for seed in range(1, 9)
@@ -95,14 +95,14 @@ def test_a_standard_error_is_that_of_the_flights_that_lasted() -> None:
 
 
 def test_a_single_flight_decides_no_sign() -> None:
-    result = gust(Context(flyer=Told(flown), quick=True))
+    result = gust(Context(flyer=ScriptedFlyer(flown), quick=True))
     assert len(result.seeds) == 1
     assert signs(result.claims) == "✓??"
     assert result.tables[1].rows[0][1].endswith(" ± –")
 
 
 def test_slopes_are_those_of_polar_and_field_where_the_place_is_named() -> None:
-    placed = prepare(Context(flyer=Told(flown)).scenario("gust"))
+    placed = prepare(Context(flyer=ScriptedFlyer(flown)).scenario("gust"))
     polar = placed.polar
     places = {place["line"]: place for place in concluded()[0].numbers["places"]}
     best_mps = concluded()[0].numbers["best_glide_mps"]
@@ -139,7 +139,9 @@ def test_the_tables_are_in_centimetres() -> None:
 
 
 def test_a_place_that_lost_all_has_no_way_and_no_claim() -> None:
-    lost = gust(Context(flyer=Told(lambda job: flight(ended="hit the board", seed=job.seed))))
+    lost = gust(
+        Context(flyer=ScriptedFlyer(lambda job: flight(ended="hit the board", seed=job.seed)))
+    )
     for place in lost.numbers["places"]:
         assert place["lost"] == 8
         assert isnan(place["in_the_end_m"])
@@ -295,14 +297,14 @@ def test_the_figure_shows_ways_in_centimetres_and_updrafts_through_the_origin(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(curves_figures, "curves_figure", lambda *given: drawn.append(given))
-    result = gust(Context(flyer=Told(flown), figures=tmp_path))
+    result = gust(Context(flyer=ScriptedFlyer(flown), figures=tmp_path))
     assert result.figures == ("gust.png",)
     ((path, panels, _),) = drawn
     assert path == tmp_path / "gust.png"
     rays, margins, histories = panels
     a = result.numbers["places"][0]
     sink, at_a = rays.series[0], rays.series[1]
-    polar = prepare(Context(flyer=Told(flown)).scenario("gust")).polar
+    polar = prepare(Context(flyer=ScriptedFlyer(flown)).scenario("gust")).polar
     assert (sink.x[0], sink.x[-1]) == pytest.approx(
         (polar.speed_min_mps, min(polar.speed_max_mps, 11.0))
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import ScriptedFlyer, flight, leg, signs
 from test_line_lean import lean_score
 
 from tgl_soar.air.zeuc import excess_gradient
@@ -40,7 +40,7 @@ LEANS = (-20, -10, -5, 0, 5, 10, 15, 20, 30, 40, 50, 60)
 
 @cache
 def prepared() -> PreparedScenario:
-    return prepare(Context(flyer=Told(lambda _: None)).scenario("lean"))
+    return prepare(Context(flyer=ScriptedFlyer(lambda _: None)).scenario("lean"))
 
 
 # --- one lean -----------------------------------------------------------------------------------
@@ -328,7 +328,7 @@ def one_of(rms_m: float, ended: str, seed: int) -> FlownScenario:
 
 @cache
 def concluded(quick: bool = False) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return lean(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 
@@ -404,7 +404,7 @@ def test_the_figure_leaves_out_leans_that_lost_one(
         lost = job.scenario.lines["b"].lean_deg == -10.0 and "RHO_SPEED" in job.scenario.parameters
         return one_of(flown(job).legs[0].rms_e_rho_m, "hit the board" if lost else "", 1)
 
-    result = lean(Context(flyer=Told(answer), figures=tmp_path, quick=True))
+    result = lean(Context(flyer=ScriptedFlyer(answer), figures=tmp_path, quick=True))
     assert result.figures == ("lean.png",)
     ((path, panels, _),) = drawn
     assert path == tmp_path / "lean.png"

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import ScriptedFlyer, flight, leg, signs
 from test_places import PLACES, place
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
@@ -40,7 +40,7 @@ from tgl_soar.types import polar_sink, polar_slope
 
 @cache
 def at_b() -> tuple[Scenario, float]:
-    scenario = Context(flyer=Told(lambda _: None)).scenario("places")
+    scenario = Context(flyer=ScriptedFlyer(lambda _: None)).scenario("places")
     return in_its_wind(scenario, shipped("sites/hill.toml"), "b")
 
 
@@ -90,7 +90,7 @@ def test_winds_are_tried_by_twentieths_the_nearest_first(
         if len(asked) <= refused:
             raise ConfigError("not here")
 
-    scenario = Context(flyer=Told(lambda _: None)).scenario("places")
+    scenario = Context(flyer=ScriptedFlyer(lambda _: None)).scenario("places")
     monkeypatch.setattr(places_module, "prepare", prepare_later)
     _, wind_mps = in_its_wind(scenario, shipped("sites/tunnel.toml"), "b")
     assert wind_mps == pytest.approx(8.5 * found)
@@ -306,7 +306,7 @@ def flown(job: ScenarioJob) -> FlownScenario:
 
 @cache
 def concluded() -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(flown)
+    flyer = ScriptedFlyer(flown)
     return places(Context(flyer=flyer)), flyer.jobs
 
 
@@ -342,7 +342,7 @@ def test_each_air_is_drawn_in_the_wind_of_its_best_glide(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(field_figures, "field_figure", lambda *given: drawn.append(given))
-    result = places(Context(flyer=Told(flown), quick=True, figures=tmp_path))
+    result = places(Context(flyer=ScriptedFlyer(flown), quick=True, figures=tmp_path))
     assert result.figures == tuple(f"places_{n}.png" for n in (1, 2, 3))
     assert [given[0] for given in drawn] == [tmp_path / name for name in result.figures]
     by_air = [result.numbers["places"][n : n + 4] for n in (0, 4, 8)]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from by_hand import Told, flight, leg, signs
+from by_hand import ScriptedFlyer, flight, leg, signs
 from test_still_lines import leg as summary
 
 from tgl_soar.analysis.experiments.context import Context, with_turbulence
@@ -46,7 +46,7 @@ from tgl_soar.types import polar_sink
 
 @cache
 def prepared(name: str = "static") -> PreparedScenario:
-    return prepare(Context(flyer=Told(lambda _: None)).scenario(name))
+    return prepare(Context(flyer=ScriptedFlyer(lambda _: None)).scenario(name))
 
 
 # --- one leg of several flights -----------------------------------------------------------------
@@ -339,7 +339,7 @@ def order(job: ScenarioJob) -> list[str]:
 
 @cache
 def concluded(experiment: Any, quick: bool = False) -> tuple[Result, list[ScenarioJob]]:
-    flyer = Told(answer)
+    flyer = ScriptedFlyer(answer)
     return experiment(Context(flyer=flyer, quick=quick)), flyer.jobs
 
 
@@ -397,8 +397,8 @@ def test_an_experiment_without_a_leg_too_few_does_not_agree() -> None:
     def short(job: ScenarioJob) -> FlownScenario:
         return flight(*answer(job).legs[:2], path=answer(job).path)
 
-    assert signs(translate(Context(flyer=Told(short))).claims) == "✗✓"
-    assert len(rotate(Context(flyer=Told(short))).claims) == 2  # it was not turned back
+    assert signs(translate(Context(flyer=ScriptedFlyer(short))).claims) == "✗✓"
+    assert len(rotate(Context(flyer=ScriptedFlyer(short))).claims) == 2  # it was not turned back
 
 
 def test_a_quick_one_is_judged_by_twice_the_bound() -> None:
@@ -406,12 +406,12 @@ def test_a_quick_one_is_judged_by_twice_the_bound() -> None:
         legs = [leg(n, along_m=0.05, dispersion_m=0.0, scored_s=500.0) for n in order(job)]
         return flight(*legs, path=answer(job).path)
 
-    assert signs(static(Context(flyer=Told(off), quick=True)).claims) == "✓✓"
-    assert signs(static(Context(flyer=Told(off))).claims) == "✓✗"
+    assert signs(static(Context(flyer=ScriptedFlyer(off), quick=True)).claims) == "✓✓"
+    assert signs(static(Context(flyer=ScriptedFlyer(off))).claims) == "✓✗"
 
 
 def test_how_far_off_the_files_contour_is_from_dispersed_aircraft_is_told_and_no_claim() -> None:
-    flyer = Told(answer)
+    flyer = ScriptedFlyer(answer)
     result = static(Context(flyer=flyer, dispersion=True))
     assert len(result.claims) == 2
     assert "with the files' own contour a flight settles at most" in result.why
@@ -436,7 +436,7 @@ def test_turning_back_leaves_less_than_half_of_the_way(
         ]
         return flight(*legs, path=answer(job).path)
 
-    claim = rotate(Context(flyer=Told(turned), quick=True)).claims[-1]
+    claim = rotate(Context(flyer=ScriptedFlyer(turned), quick=True)).claims[-1]
     assert claim.holds is holds
     assert f"moved it by {100 * there_m:+.1f} cm downstream and {300 * there_m:+.1f} cm up" in (
         claim.measured
@@ -454,7 +454,7 @@ def test_the_figure_shows_what_was_active_in_centimetres_and_degrees(
 ) -> None:
     drawn: list[Any] = []
     monkeypatch.setattr(still_lines, "flight_figure", lambda *given: drawn.append(given))
-    result = translate(Context(flyer=Told(answer), figures=tmp_path))
+    result = translate(Context(flyer=ScriptedFlyer(answer), figures=tmp_path))
     assert result.figures == ("translate.png",)
     ((path, _, lines, x, z, panels, title, spans),) = drawn
     assert path == tmp_path / "translate.png"
