@@ -104,7 +104,7 @@ def test_speeds_are_the_nozzles_far_up_and_follow_the_board_along_it(ratio: floa
     jet = solved(ratio)
     far = 1.0 / slowness(jet, np.array([-12.0 + 1.0j]))[0]
     assert far == pytest.approx(jet.nozzle_speed, abs=1e-4)
-    on_board = np.array([share * log(jet.tip) + 1e-9j for share in (0.3, 0.6, 0.9)])
+    on_board = np.array([fraction * log(jet.tip) + 1e-9j for fraction in (0.3, 0.6, 0.9)])
     directions = np.angle(slowness(jet, on_board))
     assert directions == pytest.approx(SLOPE, abs=1e-6)
     on_floor = np.array([-3.0 + 1e-9j, -0.5 + 1e-9j])
@@ -125,13 +125,13 @@ def test_the_net_reaches_as_far_as_it_is_asked_to(net: FreeJetMap) -> None:
 def test_lines_are_dense_at_the_walls_and_the_outermost_leave_a_hundred_thousandth(
     net: FreeJetMap,
 ) -> None:
-    share = net.chi[0].imag / pi  # of the flow, below the line
-    assert (share[0], 1.0 - share[-1]) == pytest.approx((1e-5, 1e-5))
-    assert (np.diff(share) > 0.0).all()
-    assert share + share[::-1] == pytest.approx(1.0)
+    fraction = net.chi[0].imag / pi  # of the flow, below the line
+    assert (fraction[0], 1.0 - fraction[-1]) == pytest.approx((1e-5, 1e-5))
+    assert (np.diff(fraction) > 0.0).all()
+    assert fraction + fraction[::-1] == pytest.approx(1.0)
     # As seen from above on a half circle: lines a fixed angle apart.
-    angles = np.arccos(1.0 - 2.0 * share[1:-1])
-    assert np.diff(angles) == pytest.approx(pi / (len(share) - 1), rel=1e-6)
+    angles = np.arccos(1.0 - 2.0 * fraction[1:-1])
+    assert np.diff(angles) == pytest.approx(pi / (len(fraction) - 1), rel=1e-6)
     steps = np.diff(net.chi[:, 0].real)
     assert steps == pytest.approx(steps[0])
     # Half a hundredth of the flow in each direction, so that Newton starts nearly right.

@@ -198,14 +198,14 @@ def section(inward: float, *, speed: float = 2.0) -> tuple[FloatArray, FloatArra
 @pytest.mark.parametrize("inward", [1.0, -1.0])
 def test_mixing_keeps_the_momentum_and_draws_air_in(inward: float) -> None:
     n, u, w = section(inward)
-    share = u / 2.0
-    assert share[n > 0.4] == pytest.approx(1.0, abs=1e-6)
-    assert share[n < -0.4] == pytest.approx(0.0, abs=1e-6)
+    fraction = u / 2.0
+    assert fraction[n > 0.4] == pytest.approx(1.0, abs=1e-6)
+    assert fraction[n < -0.4] == pytest.approx(0.0, abs=1e-6)
     order = np.argsort(n)
-    kept = np.trapezoid((share**2 - (n > 0.0))[order], n[order])
+    kept = np.trapezoid((fraction**2 - (n > 0.0))[order], n[order])
     assert kept == pytest.approx(0.0, abs=5e-4)
     # What flows more than before along the edge has come in through it: m / σ of its length.
-    gained = np.trapezoid((share - (n > 0.0))[order], n[order])
+    gained = np.trapezoid((fraction - (n > 0.0))[order], n[order])
     shift = 1.0 / sqrt(2.0 * pi)
     assert gained == pytest.approx(shift / 11.0, rel=0.01)
     assert inward * w[n < -0.4] / 2.0 == pytest.approx(shift / 11.0, rel=1e-6)

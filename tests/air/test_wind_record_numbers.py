@@ -159,22 +159,22 @@ LULL = FEW._replace(
 def one_lull() -> tuple[FloatArray, FloatArray]:
     """Times and shares of the first record with one lull that is whole."""
     for seed in range(100):
-        share = missing(LULL, seed)
-        on = np.flatnonzero(share > 1e-9)
-        if len(on) and share[0] < 1e-9 > share[-1] and on[-1] - on[0] < 110:
-            return np.arange(1001.0), share
+        fraction = missing(LULL, seed)
+        on = np.flatnonzero(fraction > 1e-9)
+        if len(on) and fraction[0] < 1e-9 > fraction[-1] and on[-1] - on[0] < 110:
+            return np.arange(1001.0), fraction
     raise AssertionError("none of a hundred records has one lull")
 
 
 def test_a_lull_comes_stays_and_goes_as_long_as_is_asked() -> None:
-    times, share = one_lull()
-    on = times[share > 1e-9]
+    times, fraction = one_lull()
+    on = times[fraction > 1e-9]
     assert on[-1] - on[0] == pytest.approx(25.0 + 50.0 + 25.0, abs=2.0)
-    deep = times[share > 0.2 - 1e-9]
+    deep = times[fraction > 0.2 - 1e-9]
     assert deep[-1] - deep[0] == pytest.approx(50.0, abs=2.0)
-    assert share.max() == pytest.approx(0.2)
-    assert share.sum() == pytest.approx(0.2 * (50.0 + 25.0), rel=1e-6)
-    slopes = np.diff(share)
+    assert fraction.max() == pytest.approx(0.2)
+    assert fraction.sum() == pytest.approx(0.2 * (50.0 + 25.0), rel=1e-6)
+    slopes = np.diff(fraction)
     assert (slopes.max(), slopes.min()) == pytest.approx((0.2 / 25.0, -0.2 / 25.0))
 
 
@@ -184,8 +184,8 @@ def test_there_are_as_many_lulls_as_an_hour_is_to_have() -> None:
         duration_s=7200.0, fastest_hz=0.001, row_s=0.5, lulls_per_hour=120.0,
         lull_depth=(0.5, 0.5), lull_s=(2.0, 2.0), lull_ramp_s=0.25,
     )  # fmt: skip
-    share = missing(wind, 1) > 1e-9
-    begun = int(np.sum(share[1:] & ~share[:-1]))
+    fraction = missing(wind, 1) > 1e-9
+    begun = int(np.sum(fraction[1:] & ~fraction[:-1]))
     assert 240 - 4 * 16 < begun < 240 + 3 * 16
 
 
@@ -194,12 +194,12 @@ def test_depths_and_lengths_are_drawn_evenly_between_their_bounds() -> None:
         duration_s=20000.0, fastest_hz=0.0005, row_s=1.0, lulls_per_hour=18.0, lull_ramp_s=1.0,
         lull_depth=(0.1, 0.3), lull_s=(20.0, 60.0),
     )  # fmt: skip
-    share = missing(wind, 2)
-    edges = np.flatnonzero(np.diff((share > 1e-9).astype(int)))
+    fraction = missing(wind, 2)
+    edges = np.flatnonzero(np.diff((fraction > 1e-9).astype(int)))
     runs = [
-        share[a + 1 : b + 1]
+        fraction[a + 1 : b + 1]
         for a, b in zip(edges[:-1:2], edges[1::2], strict=False)
-        if share[0] < 1e-9
+        if fraction[0] < 1e-9
     ]
     alone = [run for run in runs if np.sum(run > run.max() - 1e-9) > len(run) - 4]
     depths, lengths = [run.max() for run in alone], [len(run) for run in alone]
@@ -209,9 +209,9 @@ def test_depths_and_lengths_are_drawn_evenly_between_their_bounds() -> None:
 
 
 def test_the_deepest_of_lulls_that_are_on_counts() -> None:
-    share = missing(FEW._replace(lulls_per_hour=300.0, lull_depth=(0.1, 0.3)), 1)
-    assert share.max() <= 0.3 + 1e-12  # eighty of them in a quarter of an hour add up to more
-    assert share.min() >= -1e-12
+    fraction = missing(FEW._replace(lulls_per_hour=300.0, lull_depth=(0.1, 0.3)), 1)
+    assert fraction.max() <= 0.3 + 1e-12  # eighty of them in a quarter of an hour add up to more
+    assert fraction.min() >= -1e-12
 
 
 def test_lulls_begin_within_the_first_second_too() -> None:

@@ -432,16 +432,16 @@ def test_a_stronger_wind_moves_the_place_as_the_contour_moves(u_mps: float, eta_
     eta, sink = radians(eta_deg), polar_sink(CUBIC, u_mps)
     field = plane(-0.3, -0.8, u_mps=u_mps, sink_mps=sink)
     (here,) = crossings(field, CUBIC, 0.0, 0.0, eta, 3.0)
-    told = wind_sensitivity(field, CUBIC, here, eta)
+    found = wind_sensitivity(field, CUBIC, here, eta)
     places = []
     for factor in (0.9999, 1.0001):
         field.factor = factor
         (there,) = crossings(field, CUBIC, 0.0, 0.0, eta, 3.0)
         places.append(there.z_m / sin(eta))
     per_mps = (places[1] - places[0]) / (0.0002 * field.reference_wind_mps)
-    assert told.along_m_per_mps == pytest.approx(per_mps, rel=2e-2)  # of places to a micrometre
-    assert told.answer == ("rise" if per_mps > 0.01 else "fall" if per_mps < -0.01 else "stay")
-    assert (told.margin > 0.0) == (per_mps > 0.0)
+    assert found.along_m_per_mps == pytest.approx(per_mps, rel=2e-2)  # of places to a micrometre
+    assert found.answer == ("rise" if per_mps > 0.01 else "fall" if per_mps < -0.01 else "stay")
+    assert (found.margin > 0.0) == (per_mps > 0.0)
 
 
 @pytest.mark.parametrize(("per_s", "answer"), [(9.0, "rise"), (11.0, "stay")])
@@ -449,9 +449,9 @@ def test_a_centimetre_for_a_metre_per_second_is_no_move(per_s: float, answer: st
     """Of 10 m/s of wind and 1 m/s of sink: a tenth of a metre per m/s over the slope."""
     field = plane(0.0, -per_s)
     (here,) = crossings(field, LEVEL, 0.0, 0.0, UP, 1.0)
-    told = wind_sensitivity(field, LEVEL, here, UP)
-    assert told.along_m_per_mps == pytest.approx(0.1 / per_s)
-    assert told.answer == answer
+    found = wind_sensitivity(field, LEVEL, here, UP)
+    assert found.along_m_per_mps == pytest.approx(0.1 / per_s)
+    assert found.answer == answer
 
 
 @pytest.mark.parametrize("u_mps", [4.0, 21.0])

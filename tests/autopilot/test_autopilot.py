@@ -1043,8 +1043,8 @@ def test_where_a_surface_cannot_follow_its_loop_waits(loop: str, blocked: str) -
     later = last._replace(time_s=last.time_s + DT, attitude=turned)
 
     def integrated(name: str, side: int) -> float:
-        told: dict[str, Any] = {name: side}
-        limited = state.loops.limited._replace(**told)
+        limits: dict[str, Any] = {name: side}
+        limited = state.loops.limited._replace(**limits)
         before = state._replace(loops=state.loops._replace(limited=limited))
         after, output = step(laws, before, later)
         assert output.active

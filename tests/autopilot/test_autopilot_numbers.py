@@ -121,8 +121,8 @@ def test_what_an_entry_lacks_is_named_bit_by_bit() -> None:
     flight.fly(0.5)
     inputs, output = flight.inputs[-1], flight.outputs[-1]
 
-    def lacks(laws: Laws = LAWS, changed: Inputs = inputs, said: Output = output) -> int:
-        return entry_lacks(laws, flight.state, changed, said)
+    def lacks(laws: Laws = LAWS, changed: Inputs = inputs, earlier: Output = output) -> int:
+        return entry_lacks(laws, flight.state, changed, earlier)
 
     assert lacks() == 0
     disarmed = inputs.autopilot._replace(accepts_surfaces=False)
@@ -130,7 +130,7 @@ def test_what_an_entry_lacks_is_named_bit_by_bit() -> None:
     failing = inputs.autopilot._replace(failsafe=True)
     assert lacks(changed=inputs._replace(autopilot=failing)) == modes.NO_FAILSAFE
     rolled = output.vehicle._replace(roll_rad=radians(70.0))
-    assert lacks(said=output._replace(vehicle=rolled)) == modes.UPRIGHT
+    assert lacks(earlier=output._replace(vehicle=rolled)) == modes.UPRIGHT
     # What an entry does not ask for is not lacked, and nothing else is.
     nowhere = LAWS._replace(target=TargetLine(nan, 1.5, LAWS.target.eta_rad))
     assert lacks(nowhere) == modes.LINE_VALID
@@ -185,7 +185,7 @@ def test_what_the_brake_needs_of_the_pitch_is_added_to_it(
     monkeypatch: pytest.MonkeyPatch, mode: int
 ) -> None:
     flight = soaring().fly(0.2)
-    replaced(monkeypatch, "supervise", lambda said: (said[0], said[1]._replace(mode=mode)))
+    replaced(monkeypatch, "supervise", lambda given: (given[0], given[1]._replace(mode=mode)))
     found = []
     for effect in (0.0, SMALL_RAD):
         with monkeypatch.context() as patch:
@@ -258,10 +258,10 @@ def test_what_the_envelope_keeps_is_what_the_line_took(monkeypatch: pytest.Monke
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize(
-    ("mode", "share"), [(modes.SOARING, 1.0), (modes.CAPTURING, 0.0), (modes.SEARCHING, 0.0)]
+    ("mode", "fraction"), [(modes.SOARING, 1.0), (modes.CAPTURING, 0.0), (modes.SEARCHING, 0.0)]
 )
 def test_only_who_soars_on_a_line_is_blown_behind_it(
-    monkeypatch: pytest.MonkeyPatch, mode: int, share: float
+    monkeypatch: pytest.MonkeyPatch, mode: int, fraction: float
 ) -> None:
     """Who captures it is behind it because that is where it began."""
     flight = soaring().fly(0.2)
@@ -275,7 +275,7 @@ def test_only_who_soars_on_a_line_is_blown_behind_it(
     replaced(monkeypatch, "_decide", lambda found: (found[0], found[1]._replace(mode=mode)))
     _, output = tick(flight)
     assert output.line.e_rho_m != 0.0
-    assert asked == [-output.line.e_rho_m * share]
+    assert asked == [-output.line.e_rho_m * fraction]
 
 
 @pytest.mark.interpreted
@@ -343,8 +343,8 @@ def test_a_line_that_begins_anew_under_power_keeps_the_pitch() -> None:
     flown, wanted = flight.outputs[-1].vehicle.pitch_rad, []
     for up_rad in (0.0, radians(4.0)):
         state = flight.state._replace(throttle=flight.state.throttle._replace(pitch_rad=up_rad))
-        seen = estimate(LAWS, state.memory, next_inputs(flight), True, state.loops.limited, DT)
-        begun = autopilot._line_from_aircraft(LAWS, state, seen).soaring
+        estimated = estimate(LAWS, state.memory, next_inputs(flight), True, state.loops.limited, DT)
+        begun = autopilot._line_from_aircraft(LAWS, state, estimated).soaring
         wanted.append(begun.pid.integral + up_rad)
         assert begun.pitch_setpoint_rad == pytest.approx(flown, abs=1e-3)
     assert wanted[1] == pytest.approx(wanted[0])

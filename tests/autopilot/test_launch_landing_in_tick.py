@@ -256,7 +256,7 @@ def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: fl
     laws, state, world = flown.loop._laws, flown.loop.state, flown.loop.world
     inputs = inputs_at(world.time_s, world.now.samples, True)
     now = estimate(laws, state.memory, inputs, True, state.loops.limited, 0.005)
-    told = state.launch_landing.glide.airspeed_error._replace(
+    error = state.launch_landing.glide.airspeed_error._replace(
         nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0
     )
     z_m = laws.landing.place.z_m + FINAL_M + over_m
@@ -265,7 +265,7 @@ def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: fl
         air = now.air._replace(airspeed_mps=9.3, wind_mps=8.5, measured=False)
         then = now._replace(vehicle=vehicle, air=air)
         glide = state.launch_landing.glide._replace(
-            speed_mps=9.2, weave_rad=0.9 * side, goes_right=side > 0.0, airspeed_error=told
+            speed_mps=9.2, weave_rad=0.9 * side, goes_right=side > 0.0, airspeed_error=error
         )
         there = state.launch_landing._replace(glide=glide)
         *_, sideways, _ = phase_guide(

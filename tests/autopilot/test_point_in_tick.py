@@ -62,9 +62,9 @@ class Jammed(ClosedLoop):
     """The firmware puts the brake out no further than to a tenth."""
 
     def _decide(self, inputs: Inputs) -> Output:
-        seen = inputs.surfaces
-        if seen.sequence:
-            inputs = inputs._replace(surfaces=seen._replace(brake=min(0.1, seen.brake)))
+        sample = inputs.surfaces
+        if sample.sequence:
+            inputs = inputs._replace(surfaces=sample._replace(brake=min(0.1, sample.brake)))
         return super()._decide(inputs)
 
 
@@ -80,8 +80,8 @@ def test_a_brake_that_does_not_answer_leaves_the_line_flown() -> None:
         faults |= output.health.faults
         assert output.active or k < 60
     assert faults & BRAKE
-    seen = [a for a, b in zip(standings, [*standings[1:], -1], strict=True) if a != b]
-    assert seen == [LINE_ONLY, RESTS, DEAD]  # before it has faded in
+    order = [a for a, b in zip(standings, [*standings[1:], -1], strict=True) if a != b]
+    assert order == [LINE_ONLY, RESTS, DEAD]  # before it has faded in
     assert output.command.brake == 0.0
     loop.change({"TGL_HOLD": 0.0})
     loop.tick()

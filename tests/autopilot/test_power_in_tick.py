@@ -117,8 +117,8 @@ def test_the_search_reads_the_air_without_the_propeller() -> None:
         before, read = output.vehicle, []
     here = loop.world.state
     assert output.throttle.used_s > 1.0
-    seen = search.map.at(here.x_m, here.z_m)
-    assert float(np.ravel(seen.excess_mps)[0]) < -0.3
+    air_here = search.map.at(here.x_m, here.z_m)
+    assert float(np.ravel(air_here.excess_mps)[0]) < -0.3
 
 
 @pytest.mark.interpreted
@@ -226,15 +226,15 @@ def test_disarming_begins_another_flight() -> None:
 
 
 def test_it_is_told_why_it_opens_what_was_used_and_that_nothing_is_left() -> None:
-    told = PowerWords()
+    reporter = PowerWords()
     outputs, _, _ = flown(1.5, 30.0)
-    words = [text for output in outputs for _, text in told.look(output)]
+    words = [text for output in outputs for _, text in reporter.look(output)]
     assert words[0] == "throttle: height for the way home"
     assert words[-1] == "throttle used up: 1.5 s"
-    told = PowerWords()
+    reporter = PowerWords()
     outputs, _, _ = flown(30.0, 20.0)
-    words = [text for output in outputs for _, text in told.look(output)]
+    words = [text for output in outputs for _, text in reporter.look(output)]
     assert any(word.startswith("throttle closed: ") for word in words)
     assert len(words) < 20  # and not at every gust
-    told = PowerWords()
-    assert [word for output in flown(0.0, 20.0)[0] for word in told.look(output)] == []
+    reporter = PowerWords()
+    assert [word for output in flown(0.0, 20.0)[0] for word in reporter.look(output)] == []

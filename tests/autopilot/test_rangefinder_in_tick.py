@@ -51,7 +51,7 @@ def flown(
     world = make_world(HILL.airframe, HILL.site, seed=4, turbulence=0.01, sensors=sensors)
     injection = Injection(tuple(parse_fault(text) for text in faults), 4)
     loop = ClosedLoop(world, HILL.values.changed({"RNG_USE": float(use)}), injection)
-    seen = Recorded._make([] for _ in Recorded._fields)
+    recorded = Recorded._make([] for _ in Recorded._fields)
     while world.time_s < seconds:
         output = loop.tick()
         state = world.state
@@ -59,11 +59,11 @@ def flown(
             *(world.time_s, state.z_m, output.vehicle.z_m, output.ground_range.correction_m),
             *(output.margins.clearance_m, output.health.faults, output.mode),
         )
-        columns: tuple[list[Any], ...] = seen
+        columns: tuple[list[Any], ...] = recorded
         for column, value in zip(columns, row, strict=True):
             column.append(value)
     assert not world.crashed
-    return seen
+    return recorded
 
 
 @pytest.fixture(scope="module")

@@ -46,7 +46,7 @@ def gusts(random: Random, sigma_mps: float) -> Iterator[float]:
 def flown(
     seconds: float,
     true_mps: float,
-    told_mps: float,
+    shown_mps: float,
     nose: Callable[[float], float] = weaving,
     *,
     across_mps: float = 0.0,
@@ -61,18 +61,18 @@ def flown(
         path += (1.0 - exp(-DT / NOSE_S)) * (sin(psi) - path)
         sideways = across_mps + next(blows) + true_mps * path
         vehicle = STRAIGHT._replace(time_s=k * DT, heading_rad=psi, velocity_y_mps=sideways)
-        state = airspeed_error_step(state, vehicle, told_mps, DT)
+        state = airspeed_error_step(state, vehicle, shown_mps, DT)
     return state
 
 
 @pytest.mark.parametrize("across_mps", [0.0, -1.5])
-@pytest.mark.parametrize(("true_mps", "told_mps"), [(7.5, 9.3), (9.3, 9.3), (10.5, 9.3)])
+@pytest.mark.parametrize(("true_mps", "shown_mps"), [(7.5, 9.3), (9.3, 9.3), (10.5, 9.3)])
 def test_a_weave_tells_the_true_airspeed(
-    true_mps: float, told_mps: float, across_mps: float
+    true_mps: float, shown_mps: float, across_mps: float
 ) -> None:
     """Without gusts all that is missing is what the expected error of none weighs."""
-    state = flown(16.0, true_mps, told_mps, across_mps=across_mps)
-    error, trusts = true_mps - told_mps, 1.0 - (error_sigma(state) / SPREAD_MPS) ** 2
+    state = flown(16.0, true_mps, shown_mps, across_mps=across_mps)
+    error, trusts = true_mps - shown_mps, 1.0 - (error_sigma(state) / SPREAD_MPS) ** 2
     assert trusts > 0.9
     assert airspeed_error(state) == pytest.approx(trusts * error, abs=0.02)
 

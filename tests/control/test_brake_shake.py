@@ -139,15 +139,15 @@ def test_it_begins_with_a_law_that_stands_at_an_end_and_rests_when_it_was_report
         ticks += 1
     assert state.pressed >= PRESSED
     assert 2.0 < ticks * DT < 6.0
-    told = Heaving(1.0, 0.05, 7).fly(60.0).state
-    assert (told.found, told.on, told.shaken) == (ACTS, False, 0.0)
+    shaken = Heaving(1.0, 0.05, 7).fly(60.0).state
+    assert (shaken.found, shaken.on, shaken.shaken) == (ACTS, False, 0.0)
     for _ in range(round((REST_S - 1.0) / DT)):
-        told = shake_step(told, 1, 1.0, 1.0, 0.0, LIFTS_MPS2, DT)
-    assert not told.on
+        shaken = shake_step(shaken, 1, 1.0, 1.0, 0.0, LIFTS_MPS2, DT)
+    assert not shaken.on
     for _ in range(round(2.0 / DT)):
-        told = shake_step(told, 1, 1.0, 1.0, 0.0, LIFTS_MPS2, DT)
-    assert told.on
-    assert told.found == NOTHING  # a brake that acted once may have jammed since
+        shaken = shake_step(shaken, 1, 1.0, 1.0, 0.0, LIFTS_MPS2, DT)
+    assert shaken.on
+    assert shaken.found == NOTHING  # a brake that acted once may have jammed since
 
 
 @pytest.mark.parametrize("climb_mps", [nan, inf])

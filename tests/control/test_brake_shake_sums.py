@@ -78,11 +78,11 @@ def test_a_shake_is_a_fifth_of_the_travel_four_times_a_second() -> None:
 
 @pytest.mark.parametrize(("asked", "least", "most"), [(0.9, -0.2, 0.1), (0.05, -0.05, 0.2)])
 def test_it_goes_no_further_than_the_brake(asked: float, least: float, most: float) -> None:
-    state, seen = ON, []
+    state, seen_order = ON, []
     for _ in range(64):
         state = step(state, asked=asked)
-        seen.append(state.shaken)
-    assert (min(seen), max(seen)) == pytest.approx((least, most))
+        seen_order.append(state.shaken)
+    assert (min(seen_order), max(seen_order)) == pytest.approx((least, most))
 
 
 def test_a_block_is_a_second_of_products_with_sine_and_cosine() -> None:
@@ -108,8 +108,8 @@ def test_a_block_is_a_second_of_products_with_sine_and_cosine() -> None:
     assert state.y_2 == pytest.approx(abs(y) ** 2)
     assert complex(state.yb_re, state.yb_im) == pytest.approx(y * b.conjugate())
     assert state.blocks == 1.0
-    anew = (state.time_s, state.ticks, state.sines, state.cosines, state.rise)
-    assert anew == (0.0,) * 5
+    reset = (state.time_s, state.ticks, state.sines, state.cosines, state.rise)
+    assert reset == (0.0,) * 5
     assert (state.rise_sin, state.rise_cos, state.brake_sin, state.brake_cos) == (0.0,) * 4
 
 

@@ -381,5 +381,5 @@ def test_it_is_reported_by_three_standard_errors_of_the_mean(
             q_sum=state.q_sum + q,
             q_2_sum=state.q_2_sum + q * q,
         )
-    told = ACTS if side > 0.0 else DOES_NOT
-    assert _judged(state).found == (told if found else NOTHING)
+    verdict = ACTS if side > 0.0 else DOES_NOT
+    assert _judged(state).found == (verdict if found else NOTHING)

@@ -87,6 +87,6 @@ def test_a_brake_that_hardly_moves_tells_nothing(rms: float, found: bool) -> Non
     assert sqrt(watched(0.3, brake_2=rms * rms).brake_2) == pytest.approx(rms)
 
 
-@pytest.mark.parametrize(("share", "found"), [(0.449, False), (0.45, True), (0.451, True)])
-def test_nine_seconds_of_it_are_thirty_samples(share: float, found: bool) -> None:
-    assert pulls(watched(0.3, watched=share)) is found
+@pytest.mark.parametrize(("fraction", "found"), [(0.449, False), (0.45, True), (0.451, True)])
+def test_nine_seconds_of_it_are_thirty_samples(fraction: float, found: bool) -> None:
+    assert pulls(watched(0.3, watched=fraction)) is found

@@ -82,12 +82,12 @@ CLEAR = Margins(stall_rad=0.2, clearance_m=20.0, outside=0)
 def test_whether_the_place_is_known(
     health: dict[str, Any], quality: dict[str, Any], known: bool
 ) -> None:
-    told, found = SOUND._replace(**health), SURE._replace(**quality)
-    assert c.is_place_known(GUARDS, told, found, flying=True) == known
-    assert c.with_uncertainty(GUARDS, told, found, flying=True).position_ok == known
+    sound, found = SOUND._replace(**health), SURE._replace(**quality)
+    assert c.is_place_known(GUARDS, sound, found, flying=True) == known
+    assert c.with_uncertainty(GUARDS, sound, found, flying=True).position_ok == known
     # Without control what is frozen is taken in, from any source.
-    frozen = bool(told.faults & h.FROZEN)
-    assert c.is_place_known(GUARDS, told, found, flying=False) == (known and not frozen)
+    frozen = bool(sound.faults & h.FROZEN)
+    assert c.is_place_known(GUARDS, sound, found, flying=False) == (known and not frozen)
 
 
 @pytest.mark.parametrize(("reckoned_s", "sure"), [(0.0, True), (4.9, True), (5.1, False)])

@@ -213,17 +213,17 @@ def test_where_a_rangefinder_sees_the_ground_nearer_that_counts(bound_m: float, 
 
 
 def test_ground_of_which_the_site_knows_nothing_is_as_near_as_it_is_seen() -> None:
-    seen = NO_RANGE._replace(bound_m=-2.5)  # 3.5 m of the height above the frame's origin
+    ranged = NO_RANGE._replace(bound_m=-2.5)  # 3.5 m of the height above the frame's origin
     assert FLAT_LAWS.ground == NO_GROUND
-    assert margins(laws=FLAT_LAWS, ground_range=seen).clearance_m == pytest.approx(3.5)
+    assert margins(laws=FLAT_LAWS, ground_range=ranged).clearance_m == pytest.approx(3.5)
 
 
 def test_level_ground_of_a_known_height_is_seen_from_there() -> None:
     """A profile of one point: what the rangefinder sees is over it."""
     level = Ground(1, (0.0,) * GROUND_POINTS, (2.0,) * GROUND_POINTS)
-    seen = NO_RANGE._replace(bound_m=-2.5)
+    ranged = NO_RANGE._replace(bound_m=-2.5)
     laws = LAWS._replace(ground=level)
-    assert margins(laws=laws, ground_range=seen).clearance_m == pytest.approx(6.0 - 2.5 - 2.0)
+    assert margins(laws=laws, ground_range=ranged).clearance_m == pytest.approx(6.0 - 2.5 - 2.0)
 
 
 # --- the fence ----------------------------------------------------------------------------------

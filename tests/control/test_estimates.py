@@ -165,7 +165,7 @@ def test_a_rangefinder_s_correction_is_of_the_height_and_counts_once(
     says(
         monkeypatch,
         "range_step",
-        lambda said: (said[0], said[1]._replace(correction_m=correction_m)),
+        lambda given: (given[0], given[1]._replace(correction_m=correction_m)),
     )
     found = tick()
     assert found.vehicle.z_m == pytest.approx(plain.vehicle.z_m + correction_m)
@@ -179,7 +179,7 @@ def test_a_rangefinder_whose_samples_are_refused_is_a_fault(
     monkeypatch: pytest.MonkeyPatch, refused: bool
 ) -> None:
     before = tick().health.faults
-    says(monkeypatch, "range_step", lambda said: (said[0], said[1]._replace(refused=refused)))
+    says(monkeypatch, "range_step", lambda given: (given[0], given[1]._replace(refused=refused)))
     assert tick().health.faults == (before | RANGE if refused else before)
 
 
@@ -210,7 +210,7 @@ def test_without_a_veer_no_wind_across_is_estimated(
     monkeypatch: pytest.MonkeyPatch, veer_max_deg: float
 ) -> None:
     """What the wind's own estimate says of it stays; half a degree of veer is one, too."""
-    says(monkeypatch, "wind_step", lambda said: (said[0], said[1]._replace(cross_wind_mps=7.0)))
+    says(monkeypatch, "wind_step", lambda given: (given[0], given[1]._replace(cross_wind_mps=7.0)))
     monkeypatch.setattr(parts, "cross_wind_step", lambda *_: 2.5)
     found = tick(laws_with(VEER_MAX=veer_max_deg), KNOWN._replace(cross_wind_mps=CROSS_MPS))
     expected = (2.5, 2.5) if veer_max_deg else (0.0, 7.0)
@@ -234,8 +234,10 @@ def test_the_trim_follows_the_glide_at_the_wind_less_the_aircraft_s_own_way(
     monkeypatch: pytest.MonkeyPatch, fraction: float, asks: bool
 ) -> None:
     asked = asked_of(monkeypatch, "trim_step")
-    says(monkeypatch, "wind_step", lambda said: (said[0], said[1]._replace(wind_mps=9.5)))
-    says(monkeypatch, "motion_step", lambda said: (said[0], said[1]._replace(velocity_x_mps=-1.0)))
+    says(monkeypatch, "wind_step", lambda given: (given[0], given[1]._replace(wind_mps=9.5)))
+    says(
+        monkeypatch, "motion_step", lambda given: (given[0], given[1]._replace(velocity_x_mps=-1.0))
+    )
     tick(laws_with(WIND_TRIM=fraction))
     glide = asked[0][0][2]
     assert isnan(glide) != asks
@@ -336,14 +338,14 @@ def with_imu(accepted_tick: int) -> EstimatorMemory:
 def test_an_acceleration_that_was_accepted_is_what_the_wing_carries(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told = watched(monkeypatch, memory=with_imu(TICKS - 1), imu=imu(TICKS))
-    assert told["force_mps2"] == (1.1, -9.2)
+    given_now = watched(monkeypatch, memory=with_imu(TICKS - 1), imu=imu(TICKS))
+    assert given_now["force_mps2"] == (1.1, -9.2)
 
 
 def test_one_that_was_refused_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     spike = imu(TICKS, force_z=-1e6)
-    told = watched(monkeypatch, memory=with_imu(TICKS - 1), imu=spike)
-    assert all(isnan(force) for force in told["force_mps2"])
+    given_now = watched(monkeypatch, memory=with_imu(TICKS - 1), imu=spike)
+    assert all(isnan(force) for force in given_now["force_mps2"])
 
 
 @pytest.mark.parametrize(("silent_s", "steady"), [(0.9, False), (1.1, True)])
@@ -355,8 +357,8 @@ def test_accelerations_that_fall_silent_are_replaced_by_steady_flight(
     memory = with_imu(TICKS)
     used = memory.motion.imu._replace(sequence=1, time_s=last.time_s)
     memory = memory._replace(motion=memory.motion._replace(imu=used))
-    told = watched(monkeypatch, memory=memory, imu=last)
-    assert (told["force_mps2"] != (1.1, -9.2)) == steady
+    given_now = watched(monkeypatch, memory=memory, imu=last)
+    assert (given_now["force_mps2"] != (1.1, -9.2)) == steady
     assert watched(monkeypatch, memory=KNOWN, imu=NO_IMU)["force_mps2"] != (1.1, -9.2)
 
 

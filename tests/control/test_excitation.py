@@ -132,8 +132,8 @@ def test_it_begins_and_ends_smoothly() -> None:
 
 def test_it_fades_in_for_two_seconds_lasts_twenty_and_fades_out_in_one() -> None:
     times_s = (0.0, 0.5, 1.0, 2.0, 12.0, 22.0, 22.5, 23.0)
-    shares = (0.0, 0.5 - 0.125**0.5, 0.5, 1.0, 1.0, 1.0, 0.5, 0.0)
-    assert [faded(t) for t in times_s] == pytest.approx(list(shares))
+    fractions = (0.0, 0.5 - 0.125**0.5, 0.5, 1.0, 1.0, 1.0, 0.5, 0.0)
+    assert [faded(t) for t in times_s] == pytest.approx(list(fractions))
     begun = stepped(0.1)[-1]
     assert excitation_step(REQUESTED, begun, begun.begun_s + 22.9, DT_S, IDLE).standing == RUNNING
     assert rests(excitation_step(REQUESTED, begun, begun.begun_s + 23.1, DT_S, IDLE), DONE)

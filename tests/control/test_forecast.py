@@ -363,7 +363,7 @@ def test_a_clock_that_goes_back_begins_it_again() -> None:
 def test_nothing_is_foreseen_without_air_without_polar_or_switched_off() -> None:
     vehicle = STILL._replace(z_m=1.5)
     air = NO_AIR._replace(wind_mps=8.5, updraft_mps=0.5, wind_sigma_mps=0.1, updraft_sigma_mps=0.1)
-    for params, seen in (
+    for params, air_now in (
         (PARAMS._replace(act=f.OFF), air),
         (PARAMS, NO_AIR),
         (PARAMS._replace(polar=POLAR._replace(c0=nan)), air),
@@ -371,7 +371,7 @@ def test_nothing_is_foreseen_without_air_without_polar_or_switched_off() -> None
         state = initial_forecast()
         for k in range(20):
             now = vehicle._replace(time_s=0.1 * k)
-            state = forecast_step(params, WIDE, LEVEL, state, now, seen, 0.02, ETA, False)
+            state = forecast_step(params, WIDE, LEVEL, state, now, air_now, 0.02, ETA, False)
             assert state.foreseen.standing == f.UNKNOWN
 
 

@@ -127,7 +127,7 @@ def test_what_it_says_is_left_is_left_in_a_wind_across(
     params = PARAMS._replace(place=PLACE._replace(x_m=0.0, bearing_rad=bearing))
     now = air(wind_mps=wind_mps * cos(veer), cross_wind_mps=-wind_mps * sin(veer), wind_sigma_mps=0)
     begin = at(x_m=30.0 * cos(bearing), y_m=-30.0 * sin(bearing), z_m=25.0)
-    told = escape_height(params, begin, now)
+    left_m = escape_height(params, begin, now)
     energy_m, best = begin.z_m + now.airspeed_mps**2 / (2 * G), -inf
     for k in range(41):
         speed = SLOWEST + (12.0 - SLOWEST) * k / 40
@@ -145,7 +145,7 @@ def test_what_it_says_is_left_is_left_in_a_wind_across(
             y += (speed * sin(heading) + now.cross_wind_mps) * step
             z -= polar_sink(POLAR, speed) * step
             assert abs(across(params.place, x, y)) < 0.05
-    assert told == pytest.approx(best - params.spare_m, abs=0.15)
+    assert left_m == pytest.approx(best - params.spare_m, abs=0.15)
 
 
 @pytest.mark.parametrize("turned_deg", [-40.0, 15.0])
@@ -159,8 +159,8 @@ def test_all_of_it_turned_about_the_place_leaves_the_same(turned_deg: float) -> 
     for away_m, z_m in ((20.0, 14.0), (25.0, 9.0)):
         there = at(x_m=away_m * cos(turned), y_m=-away_m * sin(turned), z_m=z_m)
         ahead = at(x_m=away_m, y_m=0.0, z_m=z_m)
-        told = escape_height(straight, ahead, air(wind_mps=6.5))
-        assert escape_height(params, there, wind) == pytest.approx(told)
+        left_m = escape_height(straight, ahead, air(wind_mps=6.5))
+        assert escape_height(params, there, wind) == pytest.approx(left_m)
 
 
 def test_wind_that_no_speed_beats_leaves_nothing_and_what_is_unknown_is_not_known() -> None:

@@ -108,15 +108,17 @@ def test_over_the_place_only_the_flare_s_speed_is_needed() -> None:
 
 
 def test_the_escape_condition_is_the_best_speed_s() -> None:
-    vehicle, felt = at(), air(wind_mps=4.5)
+    vehicle, air_now = at(), air(wind_mps=4.5)
     wind, cross = 0.9 * 4.5 + 2.0 * 0.2, 0.9 * 0.7
     distance, height = along(PLACE, vehicle.x_m, vehicle.y_m), 13.0
     speeds = np.linspace(SLOW, 12.0, 400)
     most = max(left(distance, height, 8.8, v, wind, cross) for v in speeds)
-    assert escape_height(PARAMS, vehicle, felt) == pytest.approx(most - 1.5, abs=0.05)
+    assert escape_height(PARAMS, vehicle, air_now) == pytest.approx(most - 1.5, abs=0.05)
     deep = PARAMS._replace(spare_m=500.0)
-    assert escape_height(deep, vehicle, felt) == -50.0
-    assert escape_height(PARAMS, at(x_m=nan), felt) != escape_height(PARAMS, at(x_m=nan), felt)
+    assert escape_height(deep, vehicle, air_now) == -50.0
+    assert escape_height(PARAMS, at(x_m=nan), air_now) != escape_height(
+        PARAMS, at(x_m=nan), air_now
+    )
 
 
 def test_a_flare_covers_more_than_a_glide() -> None:
@@ -133,7 +135,7 @@ def test_the_approach_is_flown_at_the_slowest_speed_that_gets_there(
     x_m: float, z_m: float, wind: float
 ) -> None:
     """Between nine speeds, 0.45 m/s apart, what is left goes nearly straight."""
-    vehicle, felt = at(x_m=x_m, z_m=z_m), air(wind_mps=wind)
+    vehicle, air_now = at(x_m=x_m, z_m=z_m), air(wind_mps=wind)
     distance = along(PLACE, x_m, vehicle.y_m) - float_length(PARAMS, wind)
 
     def over(v: float) -> float:
@@ -141,7 +143,7 @@ def test_the_approach_is_flown_at_the_slowest_speed_that_gets_there(
 
     assert over(SLOW) < 0.0 < over(11.0)
     root = brentq(over, SLOW, 11.0)
-    assert approach_speed(PARAMS, SLOW, vehicle, felt) == pytest.approx(root, abs=0.03)
+    assert approach_speed(PARAMS, SLOW, vehicle, air_now) == pytest.approx(root, abs=0.03)
 
 
 def test_with_height_to_spare_it_is_flown_as_slowly_as_it_may_be() -> None:
@@ -163,11 +165,11 @@ def test_with_height_to_spare_it_is_flown_as_slowly_as_it_may_be() -> None:
     )
 
 
-def advance(vehicle: VehicleState, felt: AirEstimate, sinks: float) -> float:
+def advance(vehicle: VehicleState, air_now: AirEstimate, sinks: float) -> float:
     """v_d = D' s / h', to where the straight rest begins."""
     height = vehicle.z_m - 1.0 - 4.5
-    final = ground_speed(BEST, felt.wind_mps, 0.0, B)
-    distance = along(PLACE, vehicle.x_m, vehicle.y_m) - float_length(PARAMS, felt.wind_mps)
+    final = ground_speed(BEST, air_now.wind_mps, 0.0, B)
+    distance = along(PLACE, vehicle.x_m, vehicle.y_m) - float_length(PARAMS, air_now.wind_mps)
     distance -= 4.5 * final / polar_sink(POLAR, BEST)
     return distance * sinks / height
 
@@ -175,23 +177,23 @@ def advance(vehicle: VehicleState, felt: AirEstimate, sinks: float) -> float:
 @pytest.mark.parametrize("goes_right", [True, False])
 @pytest.mark.parametrize("sinks", [nan, 1.0, 0.6])
 def test_the_weave_keeps_of_the_speed_what_it_may(goes_right: bool, sinks: float) -> None:
-    vehicle, felt = at(x_m=2.0, z_m=18.0), air(wind_mps=4.0, cross_wind_mps=0.0)
-    chi = weave(PARAMS, goes_right, SLOW, sinks, vehicle, felt, fast=False)
+    vehicle, air_now = at(x_m=2.0, z_m=18.0), air(wind_mps=4.0, cross_wind_mps=0.0)
+    chi = weave(PARAMS, goes_right, SLOW, sinks, vehicle, air_now, fast=False)
     sink = polar_sink(POLAR, SLOW)
     s = sink if sinks != sinks else min(sink, sinks)
     wide = min(30.0, 60.0, 2.3 * 12.5)
     kept = SLOW * mean_cosine(abs(chi), wide, SLOW)
     assert (chi > 0.0) == goes_right
     assert 0.3 < abs(chi) < 1.4
-    assert kept == pytest.approx(4.0 + advance(vehicle, felt, s), abs=0.06)
+    assert kept == pytest.approx(4.0 + advance(vehicle, air_now, s), abs=0.06)
 
 
 def test_what_the_air_carries_goes_on_upstream_and_what_is_beyond_comes_back_slowly() -> None:
     """By 1 m/s at least of one that hardly sinks, and by 2 m/s downwind at the most."""
-    felt, wide = air(wind_mps=5.0, cross_wind_mps=0.0), 28.75
+    air_now, wide = air(wind_mps=5.0, cross_wind_mps=0.0), 28.75
     near = at(x_m=-17.0, z_m=18.0)
-    assert advance(near, felt, 0.25 * polar_sink(POLAR, SLOW)) < 1.0
-    carried = weave(PARAMS, True, SLOW, 0.1, near, felt, fast=False)
+    assert advance(near, air_now, 0.25 * polar_sink(POLAR, SLOW)) < 1.0
+    carried = weave(PARAMS, True, SLOW, 0.1, near, air_now, fast=False)
     assert SLOW * mean_cosine(carried, wide, SLOW) == pytest.approx(5.0 + 1.0, abs=0.06)
     far = at(x_m=-150.0, z_m=18.0)
     beyond = weave(PARAMS, True, SLOW, nan, far, air(wind_mps=6.5, cross_wind_mps=0.0), fast=False)
@@ -252,7 +254,7 @@ GLIDING = NO_GLIDE._replace(speed_mps=9.0, sink_mps=1.2)
 def step(
     state: GlideState = GLIDING,
     vehicle: VehicleState | None = None,
-    felt: AirEstimate | None = None,
+    air_now: AirEstimate | None = None,
     *,
     outward: bool = False,
     position_ok: bool = True,
@@ -265,7 +267,7 @@ def step(
         outward,
         position_ok,
         at() if vehicle is None else vehicle,
-        air() if felt is None else felt,
+        air() if air_now is None else air_now,
         clearance_m,
         nose_held,
         DT,
@@ -274,11 +276,11 @@ def step(
 
 def test_the_speed_s_setpoint_begins_at_the_airspeed_and_moves_by_no_more_than_it_may() -> None:
     """1.5 m/s each second, within what is flown at all."""
-    begun, speed = step(NO_GLIDE, felt=air(airspeed_mps=10.0))
+    begun, speed = step(NO_GLIDE, air_now=air(airspeed_mps=10.0))
     assert speed == begun.speed_mps == pytest.approx(10.0, abs=1.5 * DT + 1e-12)
-    slow, _ = step(NO_GLIDE, felt=air(airspeed_mps=5.0))
+    slow, _ = step(NO_GLIDE, air_now=air(airspeed_mps=5.0))
     assert slow.speed_mps == pytest.approx(SLOW, abs=1.5 * DT + 1e-12)
-    fast, _ = step(NO_GLIDE, felt=air(airspeed_mps=15.0))
+    fast, _ = step(NO_GLIDE, air_now=air(airspeed_mps=15.0))
     assert fast.speed_mps == pytest.approx(12.0 - 1.5 * DT)
     # Much too high: as slowly as it may be.
     high, _ = step(vehicle=at(z_m=40.0))
@@ -287,7 +289,7 @@ def test_the_speed_s_setpoint_begins_at_the_airspeed_and_moves_by_no_more_than_i
     low, _ = step(vehicle=at(x_m=-26.0, z_m=5.0))
     assert low.speed_mps == pytest.approx(9.0 + 1.5 * DT)
     # Away from the slope it must gain on the wind by 2 m/s.
-    out, _ = step(felt=air(wind_mps=9.5), vehicle=at(z_m=60.0), outward=True)
+    out, _ = step(air_now=air(wind_mps=9.5), vehicle=at(z_m=60.0), outward=True)
     assert out.speed_mps == pytest.approx(9.0 + 1.5 * DT)
 
 
@@ -385,7 +387,9 @@ def test_it_turns_back_where_the_turn_would_end_beyond_its_width(goes_right: boo
 PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15)
 
 
-def setpoints(state: GlideState, felt: AirEstimate, **changes: Any) -> airspeed_hold.GlideSetpoints:
+def setpoints(
+    state: GlideState, air_now: AirEstimate, **changes: Any
+) -> airspeed_hold.GlideSetpoints:
     options: dict[str, Any] = {"outward": False, "position_ok": True, "clearance_m": inf}
     options |= {"vehicle": at(), "pitches": PITCHES} | changes
     return glide_setpoints(
@@ -395,7 +399,7 @@ def setpoints(state: GlideState, felt: AirEstimate, **changes: Any) -> airspeed_
         options["position_ok"],
         options["pitches"],
         options["vehicle"],
-        felt,
+        air_now,
         options["clearance_m"],
     )
 

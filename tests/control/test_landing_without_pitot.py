@@ -53,8 +53,8 @@ def flown_home(misread_mps: float, *, z_m: float, measured: bool = False) -> Flo
         met = air(airspeed_mps=read, wind_mps=wind_mps + misread_mps)._replace(measured=measured)
         state, _ = glide_step(params, state, False, True, vehicle, met, z_m, False, DT)
         setpoints = glide_setpoints(params, state, False, True, pitched(0.0), vehicle, met, z_m)
-        told = min(0.0, airspeed_error(state.airspeed_error))
-        true_mps += (state.speed_mps - read - told) * DT / 1.5
+        error_mps = min(0.0, airspeed_error(state.airspeed_error))
+        true_mps += (state.speed_mps - read - error_mps) * DT / 1.5
         psi += (setpoints.heading_rad - psi) * DT / 0.9
         path += (1.0 - exp(-DT / NOSE_S)) * (sin(psi) - path)
         x_m -= (true_mps - wind_mps) * DT
@@ -108,9 +108,9 @@ def test_it_looks_while_there_is_height_and_the_airspeed_is_not_known() -> None:
     assert looked(high - 0.2).weave_rad == 0.0
     assert looked(high).weave_rad > 0.0  # near its end it is narrow
     assert looked(high, measured=True).weave_rad == 0.0
-    told = NO_GLIDE.airspeed_error._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
-    assert error_sigma(told) < landing.LOOK_MPS
-    assert looked(high, NO_GLIDE._replace(airspeed_error=told)).weave_rad == 0.0
+    error = NO_GLIDE.airspeed_error._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
+    assert error_sigma(error) < landing.LOOK_MPS
+    assert looked(high, NO_GLIDE._replace(airspeed_error=error)).weave_rad == 0.0
     assert looked(high, airspeed_mps=nan).weave_rad == 0.0
     assert looked(high, airspeed_mps=SLOWEST - 1.0).weave_rad == 0.0  # slow: no turn
 
@@ -180,12 +180,12 @@ def steeper(
     """What the setpoints have of it at a height over the straight rest.
 
     by_nose2: what turns have shown."""
-    told = NO_GLIDE.airspeed_error._replace(
+    error = NO_GLIDE.airspeed_error._replace(
         nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=by_nose2
     )
     stalled = changes.pop("stalled", False)
     state = NO_GLIDE._replace(
-        speed_mps=9.2, weave_rad=weave_rad, airspeed_error=told, stalled=stalled
+        speed_mps=9.2, weave_rad=weave_rad, airspeed_error=error, stalled=stalled
     )
     high = at(x_m=-14.0, z_m=PARAMS.place.z_m + landing.FINAL_M + over_m)
     setpoints = glide_setpoints(
@@ -210,8 +210,8 @@ def test_it_banks_steeper_high_up_alone() -> None:
 def test_it_banks_no_steeper_where_that_may_stall_it_or_is_of_no_use() -> None:
     """Not before turns have told the airspeed; and the weave of a measured one stays as it was."""
     for by_nose2, is_known in ((0.5, False), (0.6, True)):
-        told = NO_GLIDE.airspeed_error._replace(nose=0.0, weight=40.0, by_nose2=by_nose2)
-        assert (error_sigma(told) <= landing.STEEP_MPS) == is_known
+        error = NO_GLIDE.airspeed_error._replace(nose=0.0, weight=40.0, by_nose2=by_nose2)
+        assert (error_sigma(error) <= landing.STEEP_MPS) == is_known
         assert (steeper(20.0, by_nose2=by_nose2) > 0.0) == is_known
     assert steeper(20.0, stalled=True) == 0.0
     assert steeper(20.0, measured=True) == 0.0

@@ -77,7 +77,7 @@ SILENT = AutopilotStatus(time_s=NOW_S, accepts_surfaces=True, armed=True)
 INPUTS = Inputs(time_s=NOW_S, position=NO_FIX, attitude=NO_ATTITUDE, autopilot=SILENT, engage=True)
 
 
-def seen(
+def at_hand(
     vehicle: VehicleState = VEHICLE, clearance_m: float = 10.0, outside: int = 0, **changes: Any
 ) -> Estimates:
     margins = Margins(inf, clearance_m, outside)
@@ -85,7 +85,7 @@ def seen(
 
 
 def with_health(**changes: Any) -> Estimates:
-    return seen(health=HEALTHY._replace(**changes))
+    return at_hand(health=HEALTHY._replace(**changes))
 
 
 def launched(standing: int, since_s: float = NOW_S - 1.0) -> LaunchLandingState:
@@ -247,7 +247,7 @@ def lull(
     laws: Laws = LAWS,
 ) -> Lull:
     air = AIR._replace(wind_mps=wind_mps, cross_wind_mps=cross_mps, wind_sigma_mps=sigma_mps)
-    now = seen(VEHICLE._replace(climb_mps=climb_mps), clearance_m, air=air)
+    now = at_hand(VEHICLE._replace(climb_mps=climb_mps), clearance_m, air=air)
     return stepped(mode, NO_LAUNCH_LANDING._replace(lull=before), now, laws=laws).lull
 
 
@@ -406,7 +406,7 @@ def test_it_breaks_off_when_told_or_when_the_height_is_gone_and_it_may(
 def reckoned(seconds: float, **changes: Any) -> Estimates:
     """Dead reckoned alone for so long: no longer sure of its place, and young."""
     health = HEALTHY._replace(position_ok=False, **changes)
-    return seen(health=health, quality=HERE.quality._replace(reckoned_s=seconds))
+    return at_hand(health=health, quality=HERE.quality._replace(reckoned_s=seconds))
 
 
 def test_a_height_that_nobody_can_know_breaks_nothing_off() -> None:
@@ -459,7 +459,7 @@ def test_a_place_that_is_reckoned_is_one_to_go_home_by() -> None:
 def test_it_is_away_from_the_slope_upstream_of_a_place_or_low(
     x_m: float, clearance_m: float, clear_min_m: float, away: bool
 ) -> None:
-    now = seen(VEHICLE._replace(x_m=x_m), clearance_m)
+    now = at_hand(VEHICLE._replace(x_m=x_m), clearance_m)
     bits = found(modes.BREAKING_OFF, now=now, CLEAR_MIN=clear_min_m)
     assert bool(bits & modes.AWAY) == away
     lost = now._replace(health=HEALTHY._replace(position_ok=False))
@@ -468,7 +468,7 @@ def test_it_is_away_from_the_slope_upstream_of_a_place_or_low(
 
 def test_it_lies_on_the_ground_on_its_way_home_alone() -> None:
     """For a second, within a hand's breadth or two."""
-    lies, low = homeward(still_s=NOW_S - 1.1), seen(clearance_m=0.2)
+    lies, low = homeward(still_s=NOW_S - 1.1), at_hand(clearance_m=0.2)
     assert found(modes.LANDING, lies, low) & modes.ON_GROUND
     assert found(modes.BREAKING_OFF, lies, low) & modes.ON_GROUND
     assert not found(modes.SOARING, lies, low) & modes.ON_GROUND
@@ -484,7 +484,7 @@ def test_it_lies_on_the_ground_on_its_way_home_alone() -> None:
 def test_only_the_downstream_side_of_the_fence_ends_the_way_home(
     outside: int, inside: bool
 ) -> None:
-    bits = found(modes.LANDING, now=seen(outside=outside))
+    bits = found(modes.LANDING, now=at_hand(outside=outside))
     assert bool(bits & modes.INSIDE_LEE) == inside
 
 
@@ -518,14 +518,14 @@ def test_beating_is_over_where_it_is_wanted_back_and_is_back() -> None:
     assert found(modes.BEATING) & modes.BEAT_OVER
     assert not found(modes.SOARING) & modes.BEAT_OVER
     assert not found(modes.BEATING, BEAT_START=1.0) & modes.BEAT_OVER
-    aside = seen(VEHICLE._replace(y_m=20.0))
+    aside = at_hand(VEHICLE._replace(y_m=20.0))
     assert not found(modes.BEATING, now=aside) & modes.BEAT_OVER
 
 
 def test_it_beats_when_told_where_there_is_room() -> None:
     assert not found() & modes.BEAT
     assert found(BEAT_START=1.0) & modes.BEAT
-    assert not found(now=seen(clearance_m=5.9), BEAT_START=1.0) & modes.BEAT
+    assert not found(now=at_hand(clearance_m=5.9), BEAT_START=1.0) & modes.BEAT
 
 
 @pytest.mark.parametrize(
@@ -535,9 +535,9 @@ def test_beating_needs_twice_the_least_height(
     clear_min_m: float, esc_clear_m: float, needed_m: float
 ) -> None:
     laws = laws_with(CLEAR_MIN=clear_min_m, ESC_CLEAR=esc_clear_m)
-    assert can_beat(laws, seen(clearance_m=needed_m + 0.1))
-    assert not can_beat(laws, seen(clearance_m=needed_m - 0.1))
-    assert not can_beat(laws, seen(clearance_m=nan))
+    assert can_beat(laws, at_hand(clearance_m=needed_m + 0.1))
+    assert not can_beat(laws, at_hand(clearance_m=needed_m - 0.1))
+    assert not can_beat(laws, at_hand(clearance_m=nan))
     assert not can_beat(laws_with(BEAT_WIDTH=0.0), HERE)
     assert can_beat(laws_with(BEAT_WIDTH=0.5), HERE)
     assert not can_beat(laws, with_health(position_ok=False))

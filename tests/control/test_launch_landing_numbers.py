@@ -19,10 +19,10 @@ from test_launch_landing import (
     RECOVER_S,
     VEHICLE,
     asked_of,
+    at_hand,
     homeward,
     launched,
     laws_with,
-    seen,
     way,
     with_health,
 )
@@ -136,7 +136,7 @@ def test_what_lasts_sends_it_home(lasted: dict[str, Any], goes: bool) -> None:
         ({"oblique_s": 4.99}, False),
         ({"oblique_s": 5.0, "mode": modes.HOLDING}, False),
         ({"slow_s": 2.0, "low_s": 0.3}, False),  # it sinks: there is no lift to beat in
-        ({"slow_s": 2.0, "now": seen(clearance_m=5.9)}, False),
+        ({"slow_s": 2.0, "now": at_hand(clearance_m=5.9)}, False),
         ({"slow_s": 2.0, "BEAT_AUTO": 0.0}, False),
     ],
 )
@@ -241,7 +241,7 @@ def guided(
 
 
 def flying_at(airspeed_mps: float, **changes: Any) -> Estimates:
-    return seen(VEHICLE._replace(**changes), air=HERE.air._replace(airspeed_mps=airspeed_mps))
+    return at_hand(VEHICLE._replace(**changes), air=HERE.air._replace(airspeed_mps=airspeed_mps))
 
 
 @pytest.mark.parametrize(("airspeed_mps", "pitch_deg"), [(7.9, -5.0), (8.1, 4.0), (nan, 4.0)])
@@ -274,8 +274,8 @@ def test_on_the_way_home_the_bank_takes_it_to_its_track(mode: int, side: float) 
     """From where it is carried aside it comes back, by SIDE_P for each metre per second."""
     laws = laws_with(SIDE_P=0.1, SIDE_I=0.0, SIDE_BANK=30.0)
     air = HERE.air._replace(measured=True)
-    carried = seen(VEHICLE._replace(velocity_y_mps=0.5 * side), air=air)
-    found, on_track = (guided(mode, now=now, laws=laws) for now in (carried, seen(air=air)))
+    carried = at_hand(VEHICLE._replace(velocity_y_mps=0.5 * side), air=air)
+    found, on_track = (guided(mode, now=now, laws=laws) for now in (carried, at_hand(air=air)))
     filtered = 20.0 * TICK_S / (1.0 + 20.0 * TICK_S)  # of the error, in a tick
     back = found.bank.output - on_track.bank.output
     assert back == pytest.approx(-0.1 * 0.5 * side * filtered)
@@ -367,7 +367,7 @@ def test_each_glide_is_told_what_it_needs(
 ) -> None:
     asked = asked_of(monkeypatch, part)
     state = homeward()._replace(glide=NO_GLIDE._replace(speed_mps=8.8))
-    guided(mode, state, seen(clearance_m=7.0))
+    guided(mode, state, at_hand(clearance_m=7.0))
     ((given, named),) = asked
     assert (named["vehicle"], named["air"], named["dt_s"]) == (VEHICLE, HERE.air, TICK_S)
     if part == "glide_step":
@@ -395,7 +395,7 @@ def test_a_nose_is_held_two_degrees_below_its_setpoint_with_all_of_the_elevator(
         with monkeypatch.context() as patch:
             asked = asked_of(patch, part)
             soaring = LEVEL._replace(pitch_setpoint_rad=0.1)
-            now = seen(VEHICLE._replace(pitch_rad=0.1 - below_rad))
+            now = at_hand(VEHICLE._replace(pitch_rad=0.1 - below_rad))
             guided(mode, now=now, soaring=soaring, limited=FREE._replace(elevator_blocked=blocked))
             assert asked[0][1]["nose_held"] == held
 
@@ -415,7 +415,7 @@ def test_the_pitches_are_those_of_steady_glides(
     for speed in (polar.speed_min_mps - 1.0, 9.5, polar.speed_max_mps + 1.0):
         glide = NO_GLIDE._replace(speed_mps=9.5)
         monkeypatch.setattr(way, stepped, lambda *_, speed=speed, glide=glide, **__: (glide, speed))
-        found = guided(mode, now=seen(air=HERE.air._replace(measured=measured)))
+        found = guided(mode, now=at_hand(air=HERE.air._replace(measured=measured)))
         assert found.state.glide == glide
         pitches = asked[-1][0][3 if part == "beat_setpoints" else 4]
         within = min(max(speed, polar.speed_min_mps), polar.speed_max_mps)

@@ -51,8 +51,8 @@ def view(push: float = 0.0, old_s: float = 0.0, **changes: Any) -> LaunchView:
     return usual._replace(**changes)
 
 
-def step(state: LaunchState, seen: LaunchView) -> LaunchState:
-    return launch_step(PARAMS, state, True, seen, DT)
+def step(state: LaunchState, view_now: LaunchView) -> LaunchState:
+    return launch_step(PARAMS, state, True, view_now, DT)
 
 
 def at(standing: int, **changes: Any) -> LaunchState:
@@ -70,30 +70,30 @@ def test_it_begins_in_the_hand_and_other_modes_forget_it() -> None:
         assert step(at(standing), view()) == at(standing)  # it is over
 
 
-def felt(seen: LaunchView, before_s: float = DT, push_mps: float = 0.0) -> float:
+def pushed_mps(view_now: LaunchView, before_s: float = DT, push_mps: float = 0.0) -> float:
     """The push after a sample that comes so long after the one before it."""
-    imu = seen.imu._replace(sequence=7)
+    imu = view_now.imu._replace(sequence=7)
     held = at(x.HELD, push_mps=push_mps, imu_sequence=6, imu_s=imu.time_s - before_s)
-    return step(held, seen._replace(imu=imu)).push_mps
+    return step(held, view_now._replace(imu=imu)).push_mps
 
 
 def test_a_push_adds_up_and_leaks() -> None:
     leaked = 0.8 * exp(-DT / x.PUSH_S)
-    assert felt(view(push=4.0), push_mps=0.8) == pytest.approx(leaked + 4.0 * DT)
+    assert pushed_mps(view(push=4.0), push_mps=0.8) == pytest.approx(leaked + 4.0 * DT)
     old = view(push=4.0, old_s=1.01 * x.PUSH_AGE_S)
-    assert felt(old, push_mps=0.8) == pytest.approx(leaked)
-    assert felt(view(push=4.0, old_s=0.99 * x.PUSH_AGE_S)) == pytest.approx(4.0 * DT)
+    assert pushed_mps(old, push_mps=0.8) == pytest.approx(leaked)
+    assert pushed_mps(view(push=4.0, old_s=0.99 * x.PUSH_AGE_S)) == pytest.approx(4.0 * DT)
 
 
 @pytest.mark.parametrize("push", [nan, inf, -inf])
 def test_what_is_no_number_pushes_nothing(push: float) -> None:
-    assert felt(view(push=push)) == 0.0
+    assert pushed_mps(view(push=push)) == 0.0
 
 
 def test_a_sample_stands_for_the_time_since_the_one_before_it() -> None:
-    assert felt(view(push=4.0), 0.02) == pytest.approx(4.0 * 0.02)
-    assert felt(view(push=4.0), 0.3) == pytest.approx(4.0 * 0.055)  # of 18 Hz
-    assert felt(view(push=4.0), -0.02) == 0.0
+    assert pushed_mps(view(push=4.0), 0.02) == pytest.approx(4.0 * 0.02)
+    assert pushed_mps(view(push=4.0), 0.3) == pytest.approx(4.0 * 0.055)  # of 18 Hz
+    assert pushed_mps(view(push=4.0), -0.02) == 0.0
     again = view(push=4.0)
     held = at(x.HELD, imu_sequence=again.imu.sequence, imu_s=NOW - 0.02)
     assert step(held, again).push_mps == 0.0
@@ -105,17 +105,17 @@ def test_a_sample_stands_for_the_time_since_the_one_before_it() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_it_is_thrown_by_the_push_or_by_its_speed(axis: str, sign: float) -> None:
     for speed, thrown in ((1.49, False), (1.51, True)):
-        seen = view(vehicle={axis: sign * speed})
-        assert (step(at(x.HELD), seen).standing == x.THROWN) == thrown
-        assert step(at(x.HELD), seen._replace(position_ok=False)).standing == x.HELD
+        view_now = view(vehicle={axis: sign * speed})
+        assert (step(at(x.HELD), view_now).standing == x.THROWN) == thrown
+        assert step(at(x.HELD), view_now._replace(position_ok=False)).standing == x.HELD
         pushed = step(at(x.HELD, push_mps=speed / exp(-DT / x.PUSH_S)), view())
         assert (pushed.standing == x.THROWN) == thrown
 
 
 @pytest.mark.parametrize(("off", "steep"), [(0.59, False), (0.61, True), (-0.61, True)])
 def test_thrown_34_degrees_off_the_launch_s_pitch_it_is_given_up(off: float, steep: bool) -> None:
-    seen = view(vehicle={"pitch_rad": 0.05 + off})
-    found = step(at(x.HELD, push_mps=2.0), seen)
+    view_now = view(vehicle={"pitch_rad": 0.05 + off})
+    found = step(at(x.HELD, push_mps=2.0), view_now)
     assert found.standing == (x.STEEP if steep else x.THROWN)
     assert (found.since_s, found.mark_s) == (NOW, NOW)
 
@@ -171,8 +171,8 @@ def test_below_that_and_sinking_for_half_a_second_it_is_too_low(
     standing: int, lasts_s: float, clearance_m: float, climb: float, low: bool
 ) -> None:
     state = at(standing, high_s=NOW - lasts_s, climb_mps=climb)
-    seen = view(clearance_m=clearance_m, vehicle={"climb_mps": climb})
-    assert (step(state, seen).standing == x.LOW) == low
+    view_now = view(clearance_m=clearance_m, vehicle={"climb_mps": climb})
+    assert (step(state, view_now).standing == x.LOW) == low
 
 
 @pytest.mark.parametrize(
@@ -192,10 +192,10 @@ def test_speed_must_last_and_come_in_time(
     airspeed: float, measured: bool, lasts_s: float, since_s: float, standing: int
 ) -> None:
     state = at(x.THROWN, mark_s=NOW - lasts_s, since_s=NOW - since_s)
-    seen = view(airspeed_mps=airspeed, measured=measured)
-    assert step(state, seen).standing == standing
+    view_now = view(airspeed_mps=airspeed, measured=measured)
+    assert step(state, view_now).standing == standing
     if standing == x.GLIDING:
-        assert step(state, seen._replace(position_ok=False)).standing == x.THROWN
+        assert step(state, view_now._replace(position_ok=False)).standing == x.THROWN
 
 
 @pytest.mark.parametrize(

@@ -137,11 +137,11 @@ def test_the_air_is_read_with_the_brake_as_it_stands(laws: Laws) -> None:
     """As it is read back; else as it was commanded, while we do."""
     limited = unlimited(SurfaceCommand(0.0, 0.0, 0.0, 0.4))
     aero = laws.wind.aerodynamics
-    said = surfaces_sample(1, 0.0, (0.0, 0.0, 0.0, 0.7))
+    away = surfaces_sample(1, 0.0, (0.0, 0.0, 0.0, 0.7))
     for flying, surfaces, out in (
-        (True, NO_SURFACES, 0.4), (False, NO_SURFACES, 0.0), (True, said, 0.7), (False, said, 0.7),
+        (True, NO_SURFACES, 0.4), (False, NO_SURFACES, 0.0), (True, away, 0.7), (False, away, 0.7),
     ):  # fmt: skip
         found = wind_with_brake(laws, limited, flying, surfaces)
         assert found == laws.wind._replace(aerodynamics=braked(aero, out))
     none = laws._replace(brake=laws.brake._replace(available=False))
-    assert wind_with_brake(none, limited, True, said) is none.wind
+    assert wind_with_brake(none, limited, True, away) is none.wind

@@ -112,8 +112,8 @@ def test_the_sink_that_is_added_is_by_the_speed_that_leads_back(
     error = sinks * (speed_mps + 0.8 * along_m)
     state = step(vehicle=at(along_m, speed_mps))
     # Its integral grows by this step's part of K_i.
-    share = 0.4 + (0.5 + 0.25 * DT_S) * error / MOST_MPS
-    assert state.brake == pytest.approx(share, abs=0.3 * DT_S * abs(error) / MOST_MPS)
+    fraction = 0.4 + (0.5 + 0.25 * DT_S) * error / MOST_MPS
+    assert state.brake == pytest.approx(fraction, abs=0.3 * DT_S * abs(error) / MOST_MPS)
     assert 0.0 < state.brake < 1.0
     assert state.pid.integral == pytest.approx(0.25 * DT_S * error)
     assert state.off_m == pytest.approx(along_m)
@@ -280,31 +280,31 @@ def test_while_it_fades_in_it_rests() -> None:
 
 
 @pytest.mark.parametrize(
-    ("along_m", "blocked", "share"), [(3.0, 1, 1.0), (-3.0, -1, -1.0), (0.0, 0, 0.0)]
+    ("along_m", "blocked", "fraction"), [(3.0, 1, 1.0), (-3.0, -1, -1.0), (0.0, 0, 0.0)]
 )
 def test_the_share_at_an_end_and_the_mean_are_averages_over_three_seconds(
-    along_m: float, blocked: int, share: float
+    along_m: float, blocked: int, fraction: float
 ) -> None:
     begun = AT_POINT._replace(ended=0.2, mean=0.3)
     state = step(begun, at(along_m, along_m), gains=GAINS._replace(kv=10.0))
     weight = DT_S / (3.0 + DT_S)
-    assert state.ended == pytest.approx(0.2 + (share - 0.2) * weight)
+    assert state.ended == pytest.approx(0.2 + (fraction - 0.2) * weight)
     asked = 0.4 if blocked == 0 else 0.5 * (1.0 + blocked)
     assert state.mean == pytest.approx(0.3 + (asked - 0.3) * weight)
 
 
 @pytest.mark.parametrize(
-    ("bias", "rises", "room", "share"),
+    ("bias", "rises", "room", "which"),
     [
         (0.97, 1, 1.0, 0), (0.985, 1, 1.0, 1), (0.985, -1, 1.0, 0), (0.57, 1, 0.6, 0),
         (0.585, 1, 0.6, 1), (0.03, -1, 1.0, 0), (0.015, -1, 1.0, -1), (0.015, 1, 1.0, 0),
     ],
 )  # fmt: skip
 def test_within_two_hundredths_of_an_end_that_it_goes_on_to_it_is_there(
-    bias: float, rises: int, room: float, share: int
+    bias: float, rises: int, room: float, which: int
 ) -> None:
     state = step(vehicle=at(0.0, 1e-4 * rises), gains=GAINS._replace(bias=bias), now={"room": room})
-    assert (state.ended > 0.0) - (state.ended < 0.0) == share
+    assert (state.ended > 0.0) - (state.ended < 0.0) == which
 
 
 def test_at_an_end_that_blocks_it_the_integral_stands_still() -> None:

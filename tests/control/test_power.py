@@ -193,11 +193,11 @@ def test_it_needs_one_where_power_cannot_carry_it(without: dict[str, Any]) -> No
 @pytest.fixture
 def view(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ThrottleView]:
     """What the throttle's law is given in a tick."""
-    seen: list[ThrottleView] = []
+    views: list[ThrottleView] = []
     part = power.throttle_step
 
     def listens(params: Any, state: Any, view: ThrottleView, dt_s: float) -> Any:
-        seen.append(view)
+        views.append(view)
         return part(params, state, view, dt_s)
 
     monkeypatch.setattr(power, "throttle_step", listens)
@@ -209,7 +209,7 @@ def view(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ThrottleView]:
         now: Estimates = GOOD,
     ) -> ThrottleView:
         power_step(LAWS, NO_THROTTLE, mode, ahead, way, now, DT)
-        return seen[-1]
+        return views[-1]
 
     return given
 
@@ -235,12 +235,12 @@ def test_it_is_told_how_fast_one_that_soars_is_brought_back(
 @pytest.mark.interpreted
 def test_it_is_told_how_the_aircraft_is(view: Callable[..., ThrottleView]) -> None:
     now = estimates(STILL._replace(climb_mps=-0.7), airspeed_mps=8.25, clearance_m=4.0)
-    seen = view(now=now)
-    assert seen.allowed
+    shown = view(now=now)
+    assert shown.allowed
     assert not view(mode=modes.HOLDING).allowed
-    assert (seen.climb_mps, seen.airspeed_mps) == (-0.7, 8.25)
-    assert seen.room_m == pytest.approx(4.0 - CLEAR_M)
-    assert not seen.nowhere
+    assert (shown.climb_mps, shown.airspeed_mps) == (-0.7, 8.25)
+    assert shown.room_m == pytest.approx(4.0 - CLEAR_M)
+    assert not shown.nowhere
     assert view(ahead=SINKS).nowhere
 
 
@@ -249,7 +249,7 @@ SHORT = escape(armed=True, left_m=-2.0)
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize(
-    ("mode", "ahead", "way", "told"),
+    ("mode", "ahead", "way", "is_known"),
     [
         (modes.SOARING, SETTLES, SHORT, False),
         # A third of a glider's sink: who sinks by more does not soar, whatever is foreseen.
@@ -266,14 +266,14 @@ def test_the_height_for_the_way_home_is_for_who_goes_home_or_does_not_soar(
     mode: int,
     ahead: Forecast,
     way: LaunchLandingState,
-    told: bool,
+    is_known: bool,
 ) -> None:
-    seen = view(mode, ahead, way)
-    assert isnan(seen.home_m) != told
-    assert isnan(seen.home_s) != told
-    if told:
-        assert seen.home_m == -2.0
-        assert seen.home_s == power.time_left(way.escape)
+    shown = view(mode, ahead, way)
+    assert isnan(shown.home_m) != is_known
+    assert isnan(shown.home_s) != is_known
+    if is_known:
+        assert shown.home_m == -2.0
+        assert shown.home_s == power.time_left(way.escape)
 
 
 def test_it_opens_for_want_of_lift_and_for_the_way_home() -> None:

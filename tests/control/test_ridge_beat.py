@@ -149,7 +149,7 @@ def test_the_plane_leans_as_the_line_does() -> None:
 
 def one(
     vehicle: dict[str, Any] | None = None,
-    felt: dict[str, Any] | None = None,
+    air_now: dict[str, Any] | None = None,
     state: GlideState = NO_GLIDE,
     *,
     ticks: int = 1,
@@ -166,7 +166,7 @@ def one(
             now["returns"],
             now["position_ok"],
             at(k * DT, **({"x_m": -20.0, "z_m": 40.0} | (vehicle or {}))),
-            air(**({"airspeed_mps": SLOWEST, "wind_mps": 6.0} | (felt or {}))),
+            air(**({"airspeed_mps": SLOWEST, "wind_mps": 6.0} | (air_now or {}))),
             now["nose_held"],
             DT,
         )
@@ -221,7 +221,7 @@ def test_towards_the_fences_top_it_flies_as_fast_as_it_may() -> None:
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "felt", "options"),
+    ("vehicle", "air_now", "options"),
     [
         ({}, {"wind_mps": nan}, {}),
         ({}, {}, {"position_ok": False}),
@@ -231,12 +231,12 @@ def test_towards_the_fences_top_it_flies_as_fast_as_it_may() -> None:
     ],
 )
 def test_what_is_not_known_is_flown_straight_upwind(
-    vehicle: dict[str, Any], felt: dict[str, Any], options: dict[str, Any]
+    vehicle: dict[str, Any], air_now: dict[str, Any], options: dict[str, Any]
 ) -> None:
-    state = one(vehicle, felt, one(ticks=LONG), ticks=LONG, **options)
+    state = one(vehicle, air_now, one(ticks=LONG), ticks=LONG, **options)
     assert state.weave_rad == 0.0
     assert isfinite(state.speed_mps)
-    setpoints = beat_setpoints(PARAMS, state, False, PITCHES, air(**felt))
+    setpoints = beat_setpoints(PARAMS, state, False, PITCHES, air(**air_now))
     assert (setpoints.heading_rad, setpoints.sideways_mps) == (0.0, 0.0)
 
 
@@ -252,8 +252,8 @@ def test_a_stall_that_came_all_the_same_is_flown_out_of() -> None:
 
 def test_the_setpoints_lead_along_the_ridge_with_the_wind_that_blows_there() -> None:
     state = one(ticks=LONG)
-    felt = air(airspeed_mps=SLOWEST, wind_mps=6.0, cross_wind_mps=-1.5)
-    setpoints = beat_setpoints(PARAMS, state, True, PITCHES, felt)
+    air_now = air(airspeed_mps=SLOWEST, wind_mps=6.0, cross_wind_mps=-1.5)
+    setpoints = beat_setpoints(PARAMS, state, True, PITCHES, air_now)
     assert setpoints.heading_rad == state.weave_rad
     assert setpoints.sideways_mps == pytest.approx(SLOWEST * sin(state.weave_rad) - 1.5)
     assert setpoints.pitch_rad == pytest.approx(PITCHES.wanted_rad + state.integral_rad, abs=0.01)
@@ -273,21 +273,21 @@ def test_it_returns_to_the_middle_and_into_the_wind() -> None:
 )
 @pytest.mark.parametrize("cross_mps", [0.0, 3.0])
 def test_it_is_back_where_a_line_can_be_captured(y_m: float, cross_mps: float) -> None:
-    felt = air(wind_mps=8.0, cross_wind_mps=cross_mps)
+    air_now = air(wind_mps=8.0, cross_wind_mps=cross_mps)
     upwind = atan2(-cross_mps, 8.0)
     for nose, points in ((0.0, True), (STRAIGHT_RAD + 0.01, False), (-STRAIGHT_RAD - 0.01, False)):
         vehicle = at(y_m=y_m, heading_rad=upwind + nose)
-        assert is_back(vehicle, felt) == (points and abs(y_m) < MIDDLE_M)
-    assert not is_back(at(heading_rad=nan), felt)
-    assert not is_back(at(y_m=nan), felt)
+        assert is_back(vehicle, air_now) == (points and abs(y_m) < MIDDLE_M)
+    assert not is_back(at(heading_rad=nan), air_now)
+    assert not is_back(at(y_m=nan), air_now)
 
 
 # --- when -----------------------------------------------------------------------------------
 
 
-def watched(felt: AirEstimate, seconds: float, state: BeatState = NO_BEAT) -> BeatState:
+def watched(air_now: AirEstimate, seconds: float, state: BeatState = NO_BEAT) -> BeatState:
     for _ in range(round(seconds / 0.05)):
-        state = beat_watch(BEAT, PARAMS, state, felt, 0.05)
+        state = beat_watch(BEAT, PARAMS, state, air_now, 0.05)
     return state
 
 
@@ -295,7 +295,7 @@ STRONG = POLAR.speed_min_mps + BACK_BY_MPS + 0.01
 
 
 @pytest.mark.parametrize(
-    ("felt", "stands"),
+    ("air_now", "stands"),
     [
         ({"wind_mps": STRONG}, True),
         ({"wind_mps": STRONG - 0.02}, False),
@@ -304,9 +304,9 @@ STRONG = POLAR.speed_min_mps + BACK_BY_MPS + 0.01
         ({"wind_mps": 8.0, "cross_wind_mps": 12.0}, False),  # too far aside
     ],
 )
-def test_it_stands_again_in_a_wind_that_lasts(felt: dict[str, float], stands: bool) -> None:
+def test_it_stands_again_in_a_wind_that_lasts(air_now: dict[str, float], stands: bool) -> None:
     for seconds, long in ((BACK_S - 0.2, False), (BACK_S + 0.2, True)):
-        state = watched(air(**felt), seconds)
+        state = watched(air(**air_now), seconds)
         assert is_wanted_back(BEAT, state) == (stands and long)
         assert not is_wanted_back(BEAT._replace(asked=True), state)
         assert is_wanted_back(BEAT._replace(auto=False), state)
@@ -325,9 +325,9 @@ def test_it_does_not_stand_again_in_a_wind_along_the_ridge_or_from_behind_it(
     """Nor where nothing else asks how far aside it is."""
     params = BEAT._replace(aside=False)
     angle, state = radians(angle_deg), NO_BEAT
-    felt = air(wind_mps=12.0 * cos(angle), cross_wind_mps=12.0 * sin(angle))
+    air_now = air(wind_mps=12.0 * cos(angle), cross_wind_mps=12.0 * sin(angle))
     for _ in range(240):
-        state = beat_watch(params, PARAMS, state, felt, 0.05)
+        state = beat_watch(params, PARAMS, state, air_now, 0.05)
     assert is_wanted_back(params, state) == (abs(angle_deg) < 60.0)
 
 
@@ -335,9 +335,9 @@ def test_a_wind_from_too_far_aside_is_one_beyond_what_the_nose_follows() -> None
     most = BEAT.veer_max_rad + VEER_BY_RAD
     for side in (1.0, -1.0):
         for angle, oblique in ((most + 0.01, True), (most - 0.01, False)):
-            felt = air(wind_mps=8.0 * cos(angle), cross_wind_mps=side * 8.0 * sin(angle))
-            assert is_oblique(BEAT, felt.wind_mps, felt.cross_wind_mps) == oblique
-            assert (watched(felt, 1.0).oblique_s > 0.9) == oblique
+            air_now = air(wind_mps=8.0 * cos(angle), cross_wind_mps=side * 8.0 * sin(angle))
+            assert is_oblique(BEAT, air_now.wind_mps, air_now.cross_wind_mps) == oblique
+            assert (watched(air_now, 1.0).oblique_s > 0.9) == oblique
     assert not is_oblique(BEAT._replace(veer_max_rad=0.0), 1.0, 9.0)
     assert not is_oblique(BEAT._replace(aside=False), 1.0, 9.0)
     assert watched(air(wind_mps=nan, cross_wind_mps=9.0), 1.0) == NO_BEAT

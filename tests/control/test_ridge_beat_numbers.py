@@ -130,11 +130,15 @@ def test_it_makes_2_mps_along_the_ridge_at_least() -> None:
     assert behind.speed_mps == pytest.approx(hypot(9.3, 2.0))
 
 
-@pytest.mark.parametrize(("below_m", "share"), [(10.5, 0.0), (10.0, 0.0), (7.5, 0.25), (0.0, 1.0)])
-def test_from_ten_metres_below_the_fences_top_it_flies_faster(below_m: float, share: float) -> None:
+@pytest.mark.parametrize(
+    ("below_m", "fraction"), [(10.5, 0.0), (10.0, 0.0), (7.5, 0.25), (0.0, 1.0)]
+)
+def test_from_ten_metres_below_the_fences_top_it_flies_faster(
+    below_m: float, fraction: float
+) -> None:
     fast = POLAR.speed_max_mps
     assert settled(z_m=90.0 - below_m).speed_mps == pytest.approx(
-        SLOWEST + share * (fast - SLOWEST)
+        SLOWEST + fraction * (fast - SLOWEST)
     )
     assert settled(z_m=95.0).speed_mps == pytest.approx(fast)
 

@@ -163,9 +163,9 @@ def test_a_nearer_ground_counts_as_clearance_and_a_farther_one_does_not(
     """5 m over a level ground; where that is not known it is as far as the rangefinder sees it."""
     level = Ground(2, (-50.0, 50.0, *(50.0,) * 6), (0.0,) * 8)
     laws = LAWS._replace(ground=level if known else NO_GROUND)
-    seen = NO_GROUND_RANGE._replace(bound_m=bound_m)
+    ranged = NO_GROUND_RANGE._replace(bound_m=bound_m)
     at = STILL._replace(x_m=0.0, z_m=5.0)
-    found = margins_of(laws, INPUTS, at, SOUND, NO_AIR, (0.0, 0.0, 0.0), seen, True)
+    found = margins_of(laws, INPUTS, at, SOUND, NO_AIR, (0.0, 0.0, 0.0), ranged, True)
     if known:
         assert found.clearance_m == clearance_m
     else:

@@ -84,8 +84,10 @@ def test_it_begins_downstream_at_rest_with_nothing_odd() -> None:
 @pytest.mark.parametrize(("passed_s", "dt"), [(0.2, 0.2), (5.0, 1.0), (-1.0, 0.0)])
 def test_the_means_are_over_three_and_ten_seconds(passed_s: float, dt: float) -> None:
     """A look that is late counts a second at the most."""
-    seen = look(100.0 + passed_s, q_m=0.06, s_m=0.5, climb_mps=0.1, airspeed_mps=9.0, stall_rad=0.1)
-    old, new = begun().means, survey_step(TASK, begun(), seen).means
+    look_now = look(
+        100.0 + passed_s, q_m=0.06, s_m=0.5, climb_mps=0.1, airspeed_mps=9.0, stall_rad=0.1
+    )
+    old, new = begun().means, survey_step(TASK, begun(), look_now).means
     short, long = dt / (MEAN_S + dt), dt / (TREND_S + dt)
     assert new.q_m == pytest.approx(short * 0.06)
     assert new.s_m == pytest.approx(0.3 + short * 0.2)
@@ -100,8 +102,8 @@ def test_the_means_are_over_three_and_ten_seconds(passed_s: float, dt: float) ->
 
 
 def test_what_is_not_known_leaves_the_means_or_begins_them() -> None:
-    seen = look(100.2, airspeed_mps=nan, stall_rad=inf)
-    found = survey_step(TASK, begun(), seen).means
+    look_now = look(100.2, airspeed_mps=nan, stall_rad=inf)
+    found = survey_step(TASK, begun(), look_now).means
     assert (found.airspeed_mps, found.stall_rad) == (9.5, 0.2)
     unknown = survey_begun(look(100.0, airspeed_mps=nan, stall_rad=inf))
     found = survey_step(TASK, unknown, look(100.2)).means
@@ -133,22 +135,22 @@ def under_way(
 
 @pytest.mark.parametrize(("standing", "sign"), [(v.DOWNSTREAM, -1.0), (v.UPSTREAM, 1.0)])
 def test_the_line_is_sent_four_seconds_ahead_along_the_contour(standing: int, sign: float) -> None:
-    state, seen = under_way(standing, sign * 0.5, slope=0.4)
-    found = survey_step(TASK, state, seen)
+    state, look_now = under_way(standing, sign * 0.5, slope=0.4)
+    found = survey_step(TASK, state, look_now)
     there = sign * (0.5 + AHEAD_S * SPEED)
     s_m = found.means.s_m + 0.4 * (there - found.means.q_m)
     assert found.target == pytest.approx((*place(there, s_m), ETA))
     # While half of that is still ahead it is left as it is.
     near = TargetLine(*place(sign * (0.5 + 0.55 * AHEAD_S * SPEED), 0.3), ETA)
-    assert survey_step(TASK, state._replace(target=near), seen).target == near
+    assert survey_step(TASK, state._replace(target=near), look_now).target == near
     nearer = TargetLine(*place(sign * (0.5 + 0.45 * AHEAD_S * SPEED), 0.3), ETA)
-    assert survey_step(TASK, state._replace(target=nearer), seen).target == found.target
+    assert survey_step(TASK, state._replace(target=nearer), look_now).target == found.target
 
 
 def test_after_a_turn_it_rests_for_five_seconds() -> None:
-    state, seen = under_way()
+    state, look_now = under_way()
     for rested_s, goes in ((4.9, False), (5.1, True)):
-        found = survey_step(TASK, state._replace(since_s=seen.time_s - rested_s), seen)
+        found = survey_step(TASK, state._replace(since_s=look_now.time_s - rested_s), look_now)
         assert (found.target != state.target) == goes
 
 
@@ -174,24 +176,24 @@ def test_after_a_turn_it_rests_for_five_seconds() -> None:
 def test_what_bars_a_way(
     task: dict[str, Any], means: dict[str, float], q_m: float, reason: int
 ) -> None:
-    state, seen = under_way(v.DOWNSTREAM, q_m, **means)
-    found = survey_step(TASK._replace(**task), state, _as_the_means(seen, means))
+    state, look_now = under_way(v.DOWNSTREAM, q_m, **means)
+    found = survey_step(TASK._replace(**task), state, _as_the_means(look_now, means))
     assert found.reason == reason
     assert found.standing == (v.DOWNSTREAM if reason == v.NO_REASON else v.UPSTREAM)
     if reason != v.NO_REASON:
         assert found.target == pytest.approx((*place(q_m, 0.0), ETA))  # where the line is
-        assert found.since_s == seen.time_s
+        assert found.since_s == look_now.time_s
 
 
-def _as_the_means(seen: SurveyLook, means: dict[str, float]) -> SurveyLook:
+def _as_the_means(look_now: SurveyLook, means: dict[str, float]) -> SurveyLook:
     """The same as has been, so that the means stay."""
-    told: dict[str, Any] = {k: means[k] for k in ("airspeed_mps", "stall_rad") if k in means}
-    forecast = seen.forecast
+    known: dict[str, Any] = {k: means[k] for k in ("airspeed_mps", "stall_rad") if k in means}
+    forecast = look_now.forecast
     if "chance" in means:
         forecast = forecast._replace(chance=means["chance"])
     if "return_per_s" in means:
         forecast = forecast._replace(slope_per_s=-means["return_per_s"] * sin(ETA))
-    return seen._replace(forecast=forecast, **told)
+    return look_now._replace(forecast=forecast, **known)
 
 
 @pytest.mark.parametrize("drift_m", [0.0, 0.1])
@@ -200,21 +202,21 @@ def test_the_fence_is_kept_by_half_the_clearance_or_four_sigma_of_the_drift(
     drift_m: float, edge: str
 ) -> None:
     """A mean over 3 s has followed what lasts for 1 / lambda: so much is put back."""
-    state, seen = under_way(v.DOWNSTREAM, -0.5, drift_m2=drift_m**2)
+    state, look_now = under_way(v.DOWNSTREAM, -0.5, drift_m2=drift_m**2)
     q_m = -0.5 - AHEAD_S * SPEED
-    variance = survey_step(TASK, state, seen).means.drift_m2
+    variance = survey_step(TASK, state, look_now).means.drift_m2
     room = max(0.2, 4.0 * sqrt(variance * (1.0 + 1.0 / (1.5 * MEAN_S))))
     x, z = place(q_m, 0.3)
     side = -1.0 if edge.endswith("min_m") else 1.0
     at = x if edge.startswith("x") else z
     for off_m, reason in ((0.01, v.NO_REASON), (-0.01, v.AT_FENCE)):
         fence = TASK.fence._replace(**{edge: at + side * (room + off_m)})
-        found = survey_step(TASK._replace(fence=fence), state, seen)
+        found = survey_step(TASK._replace(fence=fence), state, look_now)
         assert found.reason == reason
     for off_m, reason in ((0.01, v.NO_REASON), (-0.01, v.AT_GROUND)):
         level = z - 0.4 - room - off_m
         ground = Ground(1, (0.0,) * 8, (level,) * 8)
-        assert survey_step(TASK._replace(ground=ground), state, seen).reason == reason
+        assert survey_step(TASK._replace(ground=ground), state, look_now).reason == reason
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -231,14 +233,16 @@ def test_what_climbs_or_sinks_in_the_mean_is_no_slide(
     sign: float, climb: float, means: dict[str, float], reason: int
 ) -> None:
     signed = {name: sign * size for name, size in means.items()}
-    state, seen = under_way(v.DOWNSTREAM, -0.5, **signed)
-    found = survey_step(TASK, state, seen._replace(climb_mps=sign * max(means.values()) + climb))
+    state, look_now = under_way(v.DOWNSTREAM, -0.5, **signed)
+    found = survey_step(
+        TASK, state, look_now._replace(climb_mps=sign * max(means.values()) + climb)
+    )
     assert found.reason == reason
     assert found.standing == (v.HOMEWARD if reason else v.DOWNSTREAM)
     for e_rho, off in ((0.49, False), (0.51, True)):
-        state, seen = under_way()
-        line = seen.line._replace(e_rho_m=sign * e_rho)
-        found = survey_step(TASK, state, seen._replace(line=line))
+        state, look_now = under_way()
+        line = look_now.line._replace(e_rho_m=sign * e_rho)
+        found = survey_step(TASK, state, look_now._replace(line=line))
         assert (found.reason == v.OFF_LINE) == off
         assert found.odd_s == 0.0
 
@@ -250,8 +254,8 @@ def homeward(q_m: float, **changes: Any) -> SurveyState:
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_homeward_it_goes_back_to_where_it_began_from_either_side(sign: float) -> None:
-    seen = look(110.0, q_m=sign * 0.5)
-    found = survey_step(TASK, homeward(sign * 0.5), seen)
+    look_now = look(110.0, q_m=sign * 0.5)
+    found = survey_step(TASK, homeward(sign * 0.5), look_now)
     there = sign * (0.5 - AHEAD_S * SPEED)
     assert found.target == pytest.approx((*place(there, found.means.s_m), ETA), abs=1e-9)
     near = look(110.0, q_m=sign * 0.19)
@@ -266,50 +270,50 @@ def test_homeward_it_goes_back_to_where_it_began_from_either_side(sign: float) -
 
 
 def test_homeward_something_odd_for_ten_seconds_ends_it_where_it_is() -> None:
-    seen = look(110.2, q_m=0.5)
-    odd = seen._replace(line=seen.line._replace(e_rho_m=0.6))
+    look_now = look(110.2, q_m=0.5)
+    odd = look_now._replace(line=look_now.line._replace(e_rho_m=0.6))
     for odd_s, standing in ((9.7, v.HOMEWARD), (9.9, v.STOPPED)):
         state = homeward(0.5, odd_s=odd_s, time_s=110.0)
         found = survey_step(TASK, state, odd)
         assert found.standing == standing
         assert found.odd_s == pytest.approx(odd_s + 0.2)
-        assert survey_step(TASK, state, seen).odd_s == 0.0
+        assert survey_step(TASK, state, look_now).odd_s == 0.0
     assert found.reason == v.OFF_LINE
     assert found.target == pytest.approx((*place(0.5, 0.0), ETA))
 
 
 def test_homeward_it_rests_first_unless_it_was_cut_short() -> None:
-    state, seen = homeward(0.5, since_s=106.0), look(110.0, q_m=0.5)
-    assert survey_step(TASK, state, seen).target == state.target
+    state, look_now = homeward(0.5, since_s=106.0), look(110.0, q_m=0.5)
+    assert survey_step(TASK, state, look_now).target == state.target
     for reason in (v.DRIFTS, v.OFF_LINE, v.NOT_HELD):
         cut = state._replace(reason=reason)
-        assert survey_step(TASK, cut, seen).target != state.target
+        assert survey_step(TASK, cut, look_now).target != state.target
         assert v.is_cut_short(cut)
     assert not v.is_cut_short(state)
 
 
 @pytest.mark.parametrize("name", ["x_m", "z_m", "climb_mps"])
 def test_what_is_not_known_ends_it_with_the_line_where_it_is(name: str) -> None:
-    state, seen = under_way()
+    state, look_now = under_way()
     unknown: dict[str, Any] = {name: nan}
-    found = survey_step(TASK, state, seen._replace(**unknown))
+    found = survey_step(TASK, state, look_now._replace(**unknown))
     assert (found.standing, found.reason) == (v.STOPPED, v.NOT_HELD)
     assert found.target == pytest.approx((*place(-0.5, 0.0), ETA))
-    lost = survey_step(TASK, state, seen._replace(line=seen.line._replace(x_m=nan)))
+    lost = survey_step(TASK, state, look_now._replace(line=look_now.line._replace(x_m=nan)))
     assert (lost.standing, lost.target) == (v.STOPPED, state.target)
-    assert survey_step(TASK, found, seen) is found
-    assert survey_step(TASK, state, seen._replace(held=False)).standing == v.STOPPED
+    assert survey_step(TASK, found, look_now) is found
+    assert survey_step(TASK, state, look_now._replace(held=False)).standing == v.STOPPED
 
 
 def test_a_line_that_may_not_be_flown_turns_it_and_homeward_stops_it() -> None:
-    state, seen = under_way()
+    state, look_now = under_way()
     asked: list[TargetLine] = []
 
     def never(line: TargetLine) -> bool:
         asked.append(line)
         return False
 
-    found = survey_moved(TASK, state, seen, never)
+    found = survey_moved(TASK, state, look_now, never)
     assert (found.standing, found.reason) == (v.UPSTREAM, v.REFUSED)
     assert asked[-1] == found.target == pytest.approx((*place(-0.5, 0.0), ETA))
     home = survey_moved(TASK, homeward(0.5), look(110.0, q_m=0.5), never)

@@ -78,14 +78,14 @@ def test_lean_is_positive_when_the_upper_end_leans_upwind() -> None:
 # --- the moving line ------------------------------------------------------------------------
 
 
-def seen(state: LineState, x: float, z: float) -> float:
+def error_of(state: LineState, x: float, z: float) -> float:
     return e_rho(state.x_m, state.z_m, state.eta_rad, x, z)
 
 
 def test_a_line_that_starts_at_the_aircraft_is_no_error() -> None:
     target = TargetLine(3.0, 1.0, radians(110.0))
     start = line_at(target, 0.3, 1.4)
-    assert seen(start, 0.3, 1.4) == 0.0
+    assert error_of(start, 0.3, 1.4) == 0.0
     assert start == LineState(x_m=0.3, z_m=1.4, eta_rad=target.eta_rad, speed_mps=0.0, moving=True)
 
 
@@ -147,7 +147,7 @@ def test_a_moving_line_is_gentle_and_arrives(
         dt = dts[k % len(dts)]
         time += dt
         x, z = drift_m * sin(2.0 * time), 1.0 + drift_m * cos(1.3 * time)
-        before = seen(state, x, z)
+        before = error_of(state, x, z)
         new = line_step(limits, state, target, x, z, dt)
         # The last move ends at rest from at most 2 a dt: nowhere else more than a dt.
         if new.speed_mps != 0.0:
@@ -158,7 +158,7 @@ def test_a_moving_line_is_gentle_and_arrives(
         assert turned <= limits.turn_rate_radps * dt + 1e-12
         # What the aircraft sees: its sliding, and of turning only that a distance off the line
         # is measured square to another line, d (1 - cos).
-        moved = abs(seen(new, x, z) - before)
+        moved = abs(error_of(new, x, z) - before)
         assert moved <= limits.speed_mps * dt + abs(before) * (1.0 - cos(turned)) + 1e-9
         state = new
         if not state.moving:
@@ -176,7 +176,7 @@ def test_turning_is_not_felt_by_an_aircraft_on_the_line() -> None:
     ticks = 0
     while state.eta_rad != target.eta_rad:
         state = line_step(LIMITS, state, target, x, z, DT)
-        assert abs(seen(state, x, z)) < 1e-12
+        assert abs(error_of(state, x, z)) < 1e-12
         ticks += 1
         assert ticks < 10_000
     assert ticks * DT == pytest.approx(20.0 / 5.0, abs=2.0 * DT)
@@ -208,8 +208,10 @@ def test_no_time_moves_nothing(limits: LineLimits, eta: float, speed: float, z: 
     assert new.eta_rad == eta
     assert new.moving
     # Written by another of its points, the nearest to the aircraft, it is the same line.
-    assert seen(new, 0.0, 1.0) == pytest.approx(0.0, abs=1e-9)
-    assert hypot(new.x_m - 0.3, new.z_m - z) == pytest.approx(abs(seen(state, 0.3, z)), abs=1e-9)
+    assert error_of(new, 0.0, 1.0) == pytest.approx(0.0, abs=1e-9)
+    assert hypot(new.x_m - 0.3, new.z_m - z) == pytest.approx(
+        abs(error_of(state, 0.3, z)), abs=1e-9
+    )
 
 
 def test_at_rest_on_its_target_it_says_so() -> None:

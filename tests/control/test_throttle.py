@@ -152,23 +152,23 @@ def test_what_is_used_is_the_integral_and_never_more_than_the_budget(
     ticks: list[tuple[bool, bool, float, float]], budget_s: float
 ) -> None:
     params = PARAMS._replace(budget_s=budget_s)
-    state, told = NO_THROTTLE, 0.0
+    state, integral_s = NO_THROTTLE, 0.0
     for allowed, nowhere, climb, dt in ticks:
         view = SINKING._replace(allowed=allowed, nowhere=nowhere, climb_mps=climb)
         before = state.fraction
         state = throttle_step(params, state, view, dt)
-        told += state.fraction * dt
+        integral_s += state.fraction * dt
         assert 0.0 <= state.fraction <= min(1.0, before + THROTTLE_PER_S * dt + 1e-12)
         assert state.used_s <= budget_s
-        assert state.used_s == pytest.approx(told, abs=1e-9)
+        assert state.used_s == pytest.approx(integral_s, abs=1e-9)
 
 
 def test_the_whole_budget_is_spent_and_then_it_is_reported() -> None:
-    state, told = NO_THROTTLE, 0.0
+    state, integral_s = NO_THROTTLE, 0.0
     for _ in range(6000):
         state = throttle_step(PARAMS._replace(budget_s=3.0), state, SINKING, DT)
-        told += state.fraction * DT
-    assert told == pytest.approx(3.0, abs=1e-9)
+        integral_s += state.fraction * DT
+    assert integral_s == pytest.approx(3.0, abs=1e-9)
     assert (state.standing, state.used_s, state.fraction) == (USED_UP, 3.0, 0.0)
     more = after(SINKING, 1.0, state, PARAMS._replace(budget_s=5.0))
     assert more.standing == OPEN

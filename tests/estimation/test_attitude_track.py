@@ -57,9 +57,9 @@ def test_a_turn_is_the_same_from_every_attitude(
     """From one in which all four parts of the quaternion weigh, about each axis either way."""
     most = TURN_RAD + TURN_RADPS * 0.02
     before = Rotation.from_euler("ZYX", [2.1, -0.6, 0.9])
-    for share, may in ((0.99, True), (1.01, False)):
+    for fraction, may in ((0.99, True), (1.01, False)):
         for sign in (1.0, -1.0):
-            turn = Rotation.from_rotvec([sign * share * most * part for part in axis])
+            turn = Rotation.from_rotvec([sign * fraction * most * part for part in axis])
             one, other = sampled(before, lengths[0]), sampled(before * turn, lengths[1])
             assert is_turn(one, other, 0.02) == may
             assert is_turn(other, one, 0.02) == may

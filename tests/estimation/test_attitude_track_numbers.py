@@ -141,14 +141,14 @@ def test_it_is_carried_on_no_further_than_a_tenth(h: float, carried: bool) -> No
 
 def test_a_sample_with_rates_has_them_as_those_of_its_angles() -> None:
     frame = FRAME._replace(wind_from_rad=0.2)
-    seen = sample(1.0, (ROLL, PITCH, HEADING + 0.2), (1.0, -2.0, 0.4))
-    found = turned_to(frame, track(0.5), seen)
+    turned = sample(1.0, (ROLL, PITCH, HEADING + 0.2), (1.0, -2.0, 0.4))
+    found = turned_to(frame, track(0.5), turned)
     assert found[1:4] == pytest.approx((ROLL, PITCH, HEADING))
     assert found[4:7] == pytest.approx(euler_rates(ROLL, PITCH, 1.0, -2.0, 0.4))
     assert not found.by_gyros
     # Nor does its length turn it.
-    w, x, y, z = (1.05 * q for q in seen[2:6])
-    long = seen._replace(qw=w, qx=x, qy=y, qz=z)
+    w, x, y, z = (1.05 * q for q in turned[2:6])
+    long = turned._replace(qw=w, qx=x, qy=y, qz=z)
     assert turned_to(frame, track(0.5), long)[1:7] == pytest.approx(found[1:7])
 
 

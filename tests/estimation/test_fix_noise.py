@@ -188,13 +188,13 @@ def test_a_frame_moves_a_moment_after_a_fix_that_chance_made(wild_m: float) -> N
     def errors(k: int, noise: random.Random) -> Triple:
         return 5.0 if k >= moved else 0.0, noise.gauss(0.0, 1e-4), wild_m if k == wild else 0.0
 
-    seen = False
+    detected = False
     for now, state, vehicle, quality in flight(errors):
-        seen = seen or state.noise.variance_m2 > GAINS.fix_sd_m**2
+        detected = detected or state.noise.variance_m2 > GAINS.fix_sd_m**2
         if now > BEGINS_S:
             assert not quality.jumped
             assert off_m(vehicle) < 0.03
-    assert seen
+    assert detected
     assert state.shift.x_m == pytest.approx(5.0, abs=0.03)
 
 

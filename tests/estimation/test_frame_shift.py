@@ -87,8 +87,10 @@ def test_the_estimate_goes_on_as_if_nothing_had_been() -> None:
 
 
 def test_it_is_seen_with_the_fifth_fix_and_not_before() -> None:
-    seen = [time_s for time_s, state, _, _ in flight(reset_at(MOVED_S)) if state.shift != NO_SHIFT]
-    assert seen[0] == pytest.approx(MOVED_S + (OUTLIERS_ACCEPTED - 1) * FIX_TICKS * DT)
+    detected_s = [
+        time_s for time_s, state, _, _ in flight(reset_at(MOVED_S)) if state.shift != NO_SHIFT
+    ]
+    assert detected_s[0] == pytest.approx(MOVED_S + (OUTLIERS_ACCEPTED - 1) * FIX_TICKS * DT)
 
 
 def test_moved_back_nothing_is_left_of_it() -> None:

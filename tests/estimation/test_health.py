@@ -531,8 +531,8 @@ class Servo:
     def __call__(self, inputs: Inputs, k: int) -> SurfacesSample:
         self.history.append(self.watch.command)
         if k % self.every == 0:
-            seen = self.history[-1 - self.delay] if self.follows else NEUTRAL
-            self.sample = surfaces_sample(k, inputs.time_s, seen)
+            measured = self.history[-1 - self.delay] if self.follows else NEUTRAL
+            self.sample = surfaces_sample(k, inputs.time_s, measured)
         return self.sample
 
 
@@ -618,19 +618,19 @@ def test_surfaces_that_are_not_known_are_no_fault() -> None:
 
 
 def test_a_brake_is_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_silence() -> None:
-    def seen(sequence: int, time_s: float, brake: float) -> SurfacesSample:
+    def sample(sequence: int, time_s: float, brake: float) -> SurfacesSample:
         return SurfacesSample(
             sequence=sequence, time_s=time_s, elevator=0.0, aileron=0.0, rudder=0.0, brake=brake
         )
 
     def out(brake: float) -> Any:
-        return lambda i, k: seen(k, i.time_s, brake)
+        return lambda i, k: sample(k, i.time_s, brake)
 
     watch = Watch()
     watch.flying = True
     watch.run(128, surfaces=out(0.0)).run(1, surfaces=out(1.0))
     odd = watch.k
-    watch.run(128, surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
+    watch.run(128, surfaces=lambda _i, _k: sample(odd, odd * DT, 1.0))
     assert watch.reported == 0
     watch.run(1, surfaces=out(0.0))
     watch.run(round(0.9 * 0.3 / DT), surfaces=out(1.0)).run(1, surfaces=out(0.0))
@@ -640,20 +640,20 @@ def test_a_brake_is_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_si
 
 
 def test_surfaces_are_dead_when_samples_go_on_saying_so_and_not_by_one_before_a_silence() -> None:
-    def seen(sequence: int, time_s: float, elevator: float) -> SurfacesSample:
+    def sample(sequence: int, time_s: float, elevator: float) -> SurfacesSample:
         return SurfacesSample(
             sequence=sequence, time_s=time_s, elevator=elevator, aileron=0.0, rudder=0.0
         )
 
     watch = Watch()
     watch.flying = True
-    watch.run(256, surfaces=lambda i, k: seen(k, i.time_s, 0.0))
-    watch.run(1, surfaces=lambda i, k: seen(k, i.time_s, 1.0))
+    watch.run(256, surfaces=lambda i, k: sample(k, i.time_s, 0.0))
+    watch.run(1, surfaces=lambda i, k: sample(k, i.time_s, 1.0))
     odd = watch.k
-    watch.run(round(0.9 * 1.0 / DT), surfaces=lambda _i, _k: seen(odd, odd * DT, 1.0))
+    watch.run(round(0.9 * 1.0 / DT), surfaces=lambda _i, _k: sample(odd, odd * DT, 1.0))
     assert watch.reported == 0
     assert watch.health.surfaces_answer == 1
-    watch.run(1, surfaces=lambda i, k: seen(k, i.time_s, 1.0))
+    watch.run(1, surfaces=lambda i, k: sample(k, i.time_s, 1.0))
     assert watch.health.surfaces_answer == 0
 
 
@@ -717,10 +717,10 @@ def test_no_inputs_raise(data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seen", "off"),
+    ("sample", "off"),
     [(0.75, 0.25), (0.5, 0.0), (0.0, 0.0), (-0.25, 0.0), (-0.75, 0.5), (nan, 0.0)],
 )
 def test_a_surface_is_off_by_what_it_is_beyond_the_commands_of_late(
-    seen: float, off: float
+    sample: float, off: float
 ) -> None:
-    assert h._outside(h.BandState(-0.25, 0.5), seen) == off
+    assert h._outside(h.BandState(-0.25, 0.5), sample) == off

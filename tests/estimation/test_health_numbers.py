@@ -90,11 +90,11 @@ class Watched:
         usual = attitude_sample(self.number, time_s, q, (0.0, 0.1, 0.0))
         return self._look(time_s, attitude=usual._replace(**changes))
 
-    def felt(self, time_s: float, force: tuple[float, float, float]) -> Health:
+    def with_force(self, time_s: float, force: tuple[float, float, float]) -> Health:
         self.number += 1
         return self._look(time_s, imu=imu_sample(self.number, time_s, force))
 
-    def seen(self, time_s: float, dt_s: float, *surfaces: float) -> Health:
+    def with_surfaces(self, time_s: float, dt_s: float, *surfaces: float) -> Health:
         self.number += 1
         return self._look(time_s, dt_s, surfaces=surfaces_sample(self.number, time_s, surfaces))
 
@@ -182,8 +182,8 @@ def test_a_velocity_of_another_frame_is_told_when_its_mean_over_two_seconds_is_2
     assert time_s - 1.0 == pytest.approx(1.386, abs=0.05)
 
 
-@pytest.mark.parametrize(("after_s", "told"), [(0.99, True), (1.01, False)])
-def test_a_fault_is_told_for_a_second(after_s: float, told: bool) -> None:
+@pytest.mark.parametrize(("after_s", "is_reported"), [(0.99, True), (1.01, False)])
+def test_a_fault_is_told_for_a_second(after_s: float, is_reported: bool) -> None:
     watched = Watched()
     watched.fix(1.0)
     watched.fix(1.02, north_m=nan)
@@ -192,11 +192,11 @@ def test_a_fault_is_told_for_a_second(after_s: float, told: bool) -> None:
             break
         watched.fix(1.02 + 0.005 * k)
     found = watched.fix(1.02 + after_s)
-    assert (found.faults & h.NOT_FINITE != 0) == told
+    assert (found.faults & h.NOT_FINITE != 0) == is_reported
     watched.attitude(3.0, 0.0)
     watched.attitude(3.02, 0.001, qw=nan)
     found = watched._look(3.02 + after_s)
-    assert (found.faults & h.NOT_FINITE << ATTITUDE_SHIFT != 0) == told
+    assert (found.faults & h.NOT_FINITE << ATTITUDE_SHIFT != 0) == is_reported
 
 
 @pytest.mark.parametrize(("lasts_s", "frozen"), [(0.49, False), (0.52, True)])
@@ -258,9 +258,9 @@ def test_forces_that_are_off_by_four_tenths_of_g_on_average_disagree(
     watched.attitude(0.98, 0.0)
     force = [0.0, 0.0, -G]
     force[axis] += off * G
-    found = watched.felt(1.0, (force[0], force[1], force[2]))
+    found = watched.with_force(1.0, (force[0], force[1], force[2]))
     for k in range(500):
-        found = watched.felt(1.02 + 0.021 * k, (force[0], force[1], force[2]))
+        found = watched.with_force(1.02 + 0.021 * k, (force[0], force[1], force[2]))
     assert (found.faults & h.DISAGREES != 0) == disagrees
     assert watched.state.tilt[1 + axis] == pytest.approx(off, rel=0.01)
 
@@ -268,15 +268,15 @@ def test_forces_that_are_off_by_four_tenths_of_g_on_average_disagree(
 def test_the_mean_of_forces_is_taken_over_two_seconds_fifty_times_a_second() -> None:
     watched = Watched()
     watched.attitude(0.98, 0.3)
-    watched.felt(1.0, tilted(0.0))
+    watched.with_force(1.0, tilted(0.0))
     assert watched.state.tilt[1:] == (0.0, 0.0, 0.0)
-    watched.felt(1.019, (9.0, 9.0, 9.0))  # too soon
+    watched.with_force(1.019, (9.0, 9.0, 9.0))  # too soon
     assert watched.state.tilt.time_s == 1.0
-    watched.felt(1.04, tilted(0.0))
+    watched.with_force(1.04, tilted(0.0))
     # The nose is 0.3 rad up: level flight would feel sin and cos of it.
     assert watched.state.tilt.x == pytest.approx(0.02 * -sin(0.3), rel=1e-6)
     assert watched.state.tilt.z == pytest.approx(0.02 * (cos(0.3) - 1.0), rel=1e-6)
-    watched.felt(2.06, tilted(0.0))  # after a silence of more than a second it begins anew
+    watched.with_force(2.06, tilted(0.0))  # after a silence of more than a second it begins anew
     assert watched.state.tilt[1:] == (0.0, 0.0, 0.0)
 
 
@@ -288,8 +288,8 @@ def test_no_single_sample_says_that_they_disagree(
     watched = Watched()
     watched.attitude(0.98, 0.0)
     for k in range(100):
-        watched.felt(1.0 + 0.02 * k, tilted(0.0))
-    found = watched.felt(2.98 + silent_s, force)
+        watched.with_force(1.0 + 0.02 * k, tilted(0.0))
+    found = watched.with_force(2.98 + silent_s, force)
     assert not found.faults & h.DISAGREES
     assert sum(off * off for off in watched.state.tilt[1:]) < 0.14**2  # a third of the limit
 
@@ -299,9 +299,9 @@ def test_a_throw_by_hand_is_no_wrong_attitude() -> None:
     watched, found = Watched(), None
     watched.attitude(0.98, 0.0)
     for k in range(100):
-        watched.felt(1.0 + 0.02 * k, tilted(0.0))
+        watched.with_force(1.0 + 0.02 * k, tilted(0.0))
     for k in range(10):
-        found = watched.felt(3.0 + 0.02 * k, (50.0, 0.0, -G))
+        found = watched.with_force(3.0 + 0.02 * k, (50.0, 0.0, -G))
         assert not found.faults & h.DISAGREES
 
 
@@ -312,7 +312,7 @@ def test_an_attitude_that_is_far_off_is_told_within_two_seconds(axis: int, turne
     watched.attitude(0.98, 0.0)
     force = [0.0, 0.0, 0.0]
     force[axis] = -turned * G
-    while not watched.felt(time_s, (force[0], force[1], force[2])).faults & h.DISAGREES:
+    while not watched.with_force(time_s, (force[0], force[1], force[2])).faults & h.DISAGREES:
         time_s += 0.021
         assert time_s < 3.0
 
@@ -322,9 +322,9 @@ def test_what_is_no_rotation_is_no_attitude_to_compare_with(norm: float) -> None
     watched = Watched()
     watched.attitude(0.98, 0.0)
     for k in range(100):
-        watched.felt(1.0 + 0.02 * k, tilted(0.0))
+        watched.with_force(1.0 + 0.02 * k, tilted(0.0))
     watched.attitude(2.99, 0.0, qw=norm, qx=norm, qy=norm)
-    found = watched.felt(3.0, tilted(0.0))
+    found = watched.with_force(3.0, tilted(0.0))
     assert not found.faults & h.DISAGREES
     assert watched.state.tilt == (3.0, 0.0, 0.0, 0.0)
 
@@ -351,7 +351,7 @@ def test_accelerations_of_more_than_a_second_ago_say_nothing() -> None:
     watched = Watched()
     watched.attitude(0.98, 0.0)
     for k in range(300):
-        watched.felt(1.0 + 0.02 * k, tilted(60.0))
+        watched.with_force(1.0 + 0.02 * k, tilted(60.0))
     last = 1.0 + 0.02 * 299
     assert watched._look(last + 0.99).faults & h.DISAGREES
     assert not watched._look(last + 1.01).faults & h.DISAGREES
@@ -377,17 +377,17 @@ def test_a_surface_that_does_not_follow_is_dead_after_half_a_second(
     watched, dt = Watched(flying=True), 0.02
     stuck = [0.0, 0.0, 0.0]
     stuck[which] = sign * 0.5
-    found = watched.seen(1.0, dt, *stuck)
+    found = watched.with_surfaces(1.0, dt, *stuck)
     dead_s = 0.0
     for k in range(1, 200):
-        found = watched.seen(1.0 + dt * k, dt, *stuck)
+        found = watched.with_surfaces(1.0 + dt * k, dt, *stuck)
         if found.surfaces_answer == 0:
             dead_s = dt * k
             break
     # From ±1 to within 0.25 of 0.5 it takes 0.75 s to shrink to a band of 0.25; then half a second.
     assert dead_s == pytest.approx(0.75 + 0.5, abs=0.05)
     assert found.faults & h.SURFACES
-    followed = watched.seen(10.0, dt, 0.0, 0.0, 0.0)
+    followed = watched.with_surfaces(10.0, dt, 0.0, 0.0, 0.0)
     assert (followed.surfaces_answer, followed.faults & h.SURFACES) == (1, 0)
 
 
@@ -395,7 +395,7 @@ def test_a_brake_is_dead_after_three_tenths() -> None:
     watched, dt = Watched(flying=True, command=SurfaceCommand(0.0, 0.0, 0.0, 0.0)), 0.02
     dead_s = 0.0
     for k in range(200):
-        found = watched.seen(1.0 + dt * k, dt, 0.0, 0.0, 0.0, 0.9)
+        found = watched.with_surfaces(1.0 + dt * k, dt, 0.0, 0.0, 0.0, 0.9)
         if found.faults & h.BRAKE:
             dead_s = dt * k
             break
@@ -404,7 +404,7 @@ def test_a_brake_is_dead_after_three_tenths() -> None:
 
 def test_what_was_read_back_a_second_ago_says_nothing() -> None:
     watched = Watched(flying=True)
-    watched.seen(1.0, 0.02, 0.0, 0.0, 0.0)
+    watched.with_surfaces(1.0, 0.02, 0.0, 0.0, 0.0)
     assert watched._look(1.99, 0.02).surfaces_answer == 1
     assert watched._look(2.02, 0.02).surfaces_answer == -1
     watched.flying = False

@@ -364,12 +364,12 @@ def test_accelerations_that_come_and_go_are_counted_on_where_they_were(
 @pytest.mark.parametrize("hz", [22.0, 18.0, 16.0, 15.0, 12.0])
 def test_slow_accelerations_are_counted_on_or_not_but_not_by_turns(hz: float) -> None:
     state, fix, sample = initial_motion(), NO_FIX, NO_IMU
-    changes, said, known = 0, -1, False
+    changes, counted, known = 0, -1, False
     for k in range(1000):
         t = k * DT
         where = (0.4 * sin(3.0 * t), 0.0, 1.0)
-        if int(t * hz) != said:
-            said = int(t * hz)
+        if int(t * hz) != counted:
+            counted = int(t * hz)
             sample = accelerations(k, (-3.6 * sin(3.0 * t), 0.0, 0.0))
         if k % FIX_TICKS == 0:
             fix = fix_at(k, where)

@@ -411,16 +411,28 @@ def test_what_is_uncertain_is_the_filter_and_the_offset_of_the_source() -> None:
         shift=FrameShift(1.0, 2.0, 3.0),
         innovation=Innovation(0.1, 0.2, 0.3, 4.0),
     )
-    said = quality(after)
+    found_quality = quality(after)
     pp, _, _, vv, _, bb = covariance_at(GAINS, after, NOW_S)
-    assert said.position_sigma_m == pytest.approx((pp + 1.3**2) ** 0.5)
-    assert said.velocity_sigma_mps == pytest.approx(vv**0.5)
-    assert said.bias_sigma_mps2 == pytest.approx(bb**0.5)
-    assert said[:4] == (0.1, 0.2, 0.3, 4.0)
-    assert (said.offset_x_m, said.offset_y_m, said.offset_z_m) == (0.3, -0.4, 1.2)
-    assert (said.shift_x_m, said.shift_y_m, said.shift_z_m) == (1.0, 2.0, 3.0)
-    assert (said.bias_x_mps2, said.bias_y_mps2, said.bias_z_mps2) == ERRORS[7:10]
-    assert (said.source, said.inertial) == (4, False)
+    assert found_quality.position_sigma_m == pytest.approx((pp + 1.3**2) ** 0.5)
+    assert found_quality.velocity_sigma_mps == pytest.approx(vv**0.5)
+    assert found_quality.bias_sigma_mps2 == pytest.approx(bb**0.5)
+    assert found_quality[:4] == (0.1, 0.2, 0.3, 4.0)
+    assert (found_quality.offset_x_m, found_quality.offset_y_m, found_quality.offset_z_m) == (
+        0.3,
+        -0.4,
+        1.2,
+    )
+    assert (found_quality.shift_x_m, found_quality.shift_y_m, found_quality.shift_z_m) == (
+        1.0,
+        2.0,
+        3.0,
+    )
+    assert (
+        found_quality.bias_x_mps2,
+        found_quality.bias_y_mps2,
+        found_quality.bias_z_mps2,
+    ) == ERRORS[7:10]
+    assert (found_quality.source, found_quality.inertial) == (4, False)
     none = quality(initial_motion())
     assert isnan(none.position_sigma_m)
     rounded = ERRORS._replace(
@@ -435,12 +447,12 @@ def test_a_fix_was_used_refused_or_not_looked_at() -> None:
     used = before._replace(fix=before.fix._replace(sequence=5, time_s=1.1))
     refused = before._replace(fix=before.fix._replace(sequence=5))
     unknown = before._replace(fix=before.fix._replace(sequence=5, time_s=nan))
-    for after, said in (
+    for after, expected in (
         *((before, (False, False)), (used, (True, False)), (refused, (False, True))),
         (unknown, (False, True)),
     ):
         found = quality(after, before)
-        assert (found.fix_used, found.fix_refused) == said
+        assert (found.fix_used, found.fix_refused) == expected
 
 
 @pytest.mark.parametrize(

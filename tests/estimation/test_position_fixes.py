@@ -105,8 +105,8 @@ def off(
 ) -> PositionFix:
     """A fix so far from an estimate's place, with a velocity so far from its own."""
     where, v = place(state.errors, time_s)
-    said = NO_SPEED if speed is None else v + np.array(speed)
-    return fix(time_s, where + np.array(by), said, **rest)
+    velocity = NO_SPEED if speed is None else v + np.array(speed)
+    return fix(time_s, where + np.array(by), velocity, **rest)
 
 
 def take(
@@ -310,13 +310,13 @@ def test_a_turn_beyond_five_sigmas_of_three_fixes_is_noise(
     time_s = LAST_S + 1e-4
     state = known(noise=NOISE._replace(variance_m2=before_m2, step_m2=step_m2))
     reach_m = 5.0 * sqrt(4e-4 + step_m2 + 6.0 * 0.01**2)
-    for factor, is_seen in ((0.98, False), (1.02, True), (-0.98, False), (-1.02, True)):
+    for factor, is_detected in ((0.98, False), (1.02, True), (-0.98, False), (-1.02, True)):
         turn = np.array(times(axis, factor * reach_m))
         by = LEFT + STEP + turn
         found = take(state, off(state, time_s, by))
         # Of the first the others were as good as they said; else three are as bad.
-        seen_m2 = (factor * reach_m) ** 2 / (18.0 if before_m2 else 3.0) if is_seen else 0.0
-        variance_m2 = max(NOISE_KEPT * before_m2, seen_m2)
+        scatter_m2 = (factor * reach_m) ** 2 / (18.0 if before_m2 else 3.0) if is_detected else 0.0
+        variance_m2 = max(NOISE_KEPT * before_m2, scatter_m2)
         assert found.noise.variance_m2 == pytest.approx(variance_m2)
         assert found.noise[4:7] == pytest.approx(STEP + turn)
         assert found.noise.step_m2 == pytest.approx(4e-4, rel=1e-3)
@@ -349,7 +349,7 @@ def test_what_an_acceleration_may_have_made_is_no_noise(
     """Over the longer of two steps: 0.15 m with accelerometers, 0.6 m without."""
     covariance = Covariance(pp=1e-6, pv=0.0, pb=0.0, vv=1e-6, vb=0.0, bb=1e-6)
     gains = GAINS._replace(fix_gate_m=2.0, unknown_sd_mps2=0.01, force_sd_mps2=0.01)
-    for factor, is_seen in ((0.98, False), (1.02, True)):
+    for factor, is_detected in ((0.98, False), (1.02, True)):
         state = known(
             inertial=inertial,
             errors=ERRORS._replace(
@@ -361,7 +361,7 @@ def test_what_an_acceleration_may_have_made_is_no_noise(
         by = (0.0, factor * worst_mps2 * 0.01, 0.0)
         found = take(state, off(state, time_s, by), gains)
         assert found.rejected == 3
-        assert (found.noise.variance_m2 > 0.0) == is_seen
+        assert (found.noise.variance_m2 > 0.0) == is_detected
 
 
 def test_what_says_the_same_again_says_nothing_of_noise() -> None:
@@ -426,10 +426,10 @@ def test_the_velocity_of_what_scatters_counts_as_much_less() -> None:
     """By matrices: both variances are as many times more."""
     state = known(noise=NOISE._replace(x_m=0.1, y_m=0.0, z_m=0.0, step_x_m=0.0))
     new = off(state, LAST_S + 1e-4, (0.1, 0.0, 0.0), (0.2, 0.0, 0.0))
-    seen_m2 = NOISE_KEPT * 0.09
+    scatter_m2 = NOISE_KEPT * 0.09
     p = matrix(ERRORS.covariance)
-    p = p - np.outer(p[:, 0], p[0]) / (p[0, 0] + seen_m2)
-    p = p - np.outer(p[:, 1], p[1]) / (p[1, 1] + 0.05**2 * seen_m2 / 0.01**2)
+    p = p - np.outer(p[:, 0], p[0]) / (p[0, 0] + scatter_m2)
+    p = p - np.outer(p[:, 1], p[1]) / (p[1, 1] + 0.05**2 * scatter_m2 / 0.01**2)
     assert take(state, new).errors.covariance == pytest.approx(moments(p), rel=2e-2)
 
 

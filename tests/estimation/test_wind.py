@@ -383,14 +383,14 @@ def test_accelerations_that_always_come_too_late_are_as_good_as_none() -> None:
 def test_what_is_not_known_is_not_reported() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     vehicle, inputs = vehicle_of(glide.state, 1.0), inputs_at(1.0)
-    for params, seen, sigma in (
+    for params, state_now, sigma in (
         (PARAMS._replace(aerodynamics=NO_AERODYNAMICS), vehicle, SURE),
         (PARAMS, vehicle._replace(pitch_rad=nan), SURE),
         (PARAMS, vehicle._replace(climb_mps=inf), SURE),
         (PARAMS, vehicle, nan),
         (PARAMS, vehicle, inf),
     ):
-        state, air = wind_step(params, initial_wind(), seen, inputs, sigma, 0.0, True)
+        state, air = wind_step(params, initial_wind(), state_now, inputs, sigma, 0.0, True)
         assert all(isnan(number) for number in air[:7])
         assert not air.measured
         assert isnan(state.time_s)

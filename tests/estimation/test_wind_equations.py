@@ -79,8 +79,8 @@ def known() -> tuple[Numbers, Numbers]:
     """A mean, and a covariance in which everything is correlated as far as it may be."""
     p = prior()
     p[:2, :2] = [[0.30, 0.05], [0.05, 0.16]]
-    shares = np.array([[0.10, -0.20, 0.15, 0.05, 0.12], [-0.08, 0.11, 0.03, 0.17, -0.14]])
-    p[:2, 2:] = shares * np.sqrt(np.outer(np.diag(p)[:2], np.diag(p)[2:]))
+    correlations = np.array([[0.10, -0.20, 0.15, 0.05, 0.12], [-0.08, 0.11, 0.03, 0.17, -0.14]])
+    p[:2, 2:] = correlations * np.sqrt(np.outer(np.diag(p)[:2], np.diag(p)[2:]))
     p[2:, :2] = p[:2, 2:].T
     return np.array([8.9, 1.4, 0.0, 0.0, 0.0, 0.0, 0.0]), p
 
@@ -227,11 +227,11 @@ def at_rest(force: tuple[float, float] | None) -> WindState:
         rates = np.array([r - h * sp, q * cr + h * cp * sr, h * cp * cr - q * sr])
         turning = np.cross(rates, over_ground)
         down = axes().T @ np.array([0.0, 0.0, G])
-        seen_x, seen_z = force[0] + down[0] - turning[0], force[1] + down[2] - turning[2]
+        measured_x, measured_z = force[0] + down[0] - turning[0], force[1] + down[2] - turning[2]
         blend = DT / 5.0
         average = average._replace(
-            force_x_mps2=float(-blend * seen_x / (1.0 - blend)),
-            force_z_mps2=float(-blend * seen_z / (1.0 - blend)),
+            force_x_mps2=float(-blend * measured_x / (1.0 - blend)),
+            force_z_mps2=float(-blend * measured_z / (1.0 - blend)),
         )
     return state._replace(average=average)
 

@@ -143,9 +143,9 @@ def errors(case: Case, lift: LiftMap, near: float, far: float) -> tuple[Floats, 
     away = np.min([np.hypot(x - a, z - b) for a, b in path(case)], axis=0) / box.height_m
     floor = np.interp(x, case.ground.x_m, case.ground.z_m)
     chosen = (away >= near) & (away < far) & (z > floor + 0.06 * box.height_m) & (u > 5.0)
-    said = lift.at(x[chosen], z[chosen])
+    estimate = lift.at(x[chosen], z[chosen])
     truth = w[chosen] - sink(POLAR, u[chosen])
-    return said.excess_mps - truth, said.excess_sd_mps
+    return estimate.excess_mps - truth, estimate.excess_sd_mps
 
 
 def rms(values: Floats) -> float:
@@ -241,11 +241,11 @@ def test_draws_have_the_posterior_s_mean_and_spread() -> None:
     rng = np.random.default_rng(3)
     drawn = lift.draws(rng.normal(size=(400, lift.basis.count)))
     _, w = lift.basis.features(0.9, 1.8)
-    said = lift.at(0.9, 1.8)
+    estimate = lift.at(0.9, 1.8)
     assert float(np.mean(drawn @ w[0])) == pytest.approx(
-        said.updraft_mps[0], abs=4.0 * said.updraft_sd_mps[0] / 20.0
+        estimate.updraft_mps[0], abs=4.0 * estimate.updraft_sd_mps[0] / 20.0
     )
-    assert float(np.std(drawn @ w[0])) == pytest.approx(said.updraft_sd_mps[0], rel=0.2)
+    assert float(np.std(drawn @ w[0])) == pytest.approx(estimate.updraft_sd_mps[0], rel=0.2)
     again = lift.draws(rng.normal(size=(1, lift.basis.count)) * 0.0)
     assert again[0] == pytest.approx(lift.mean())
 
@@ -524,9 +524,9 @@ def test_the_lift_map_says_the_mixture_of_its_two() -> None:
         mean = air(weights.mean)
         means += chance * mean
         squares += chance * (np.einsum("ia,ij,ja->a", slopes, weights.covariance, slopes) + mean**2)
-    said = [float(column[0]) for column in lift.at(-1.0, 6.0)]
-    assert said[:3] == pytest.approx(means)
-    assert said[3:] == pytest.approx(np.sqrt(squares - means**2), rel=1e-6)
+    estimate = [float(column[0]) for column in lift.at(-1.0, 6.0)]
+    assert estimate[:3] == pytest.approx(means)
+    assert estimate[3:] == pytest.approx(np.sqrt(squares - means**2), rel=1e-6)
     # And its gradient is that of its own excess, in the middle of a hundredth of H to each side.
     h = 0.01 * 10.0
     dx, dz = lift.excess_gradient(-1.0, 6.0)
