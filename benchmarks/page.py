@@ -179,11 +179,11 @@ def missed(page: str) -> str:
     aims = _aims(page)
     count = sum(aim.is_missed for aim in aims)
     page_link = "[the timings](docs/performance.md)"
-    said = f"{count} of the {len(aims)} aims of {page_link} are missed"
+    sentence = f"{count} of the {len(aims)} aims of {page_link} are missed"
     if not count:
-        return f"{said}."
+        return f"{sentence}."
     lines = [
-        f"{said}, each of them marked there:",
+        f"{sentence}, each of them marked there:",
         "",
         "| part | missed | most, and what was wanted |",
     ]

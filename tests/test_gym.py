@@ -41,9 +41,9 @@ def plain(action: str, **options: Any) -> gym.SoaringEnv:
     return gym.SoaringEnv(action, **{"compile": False, "seconds": 1.0, **options})
 
 
-def at(seen: Any, name: str) -> float:
+def at(observation: Any, name: str) -> float:
     """One number of an observation."""
-    return float(seen[[each.name for each in gym.OBSERVATION].index(name)])
+    return float(observation[[each.name for each in gym.OBSERVATION].index(name)])
 
 
 @pytest.mark.parametrize("action", gym.KINDS)
@@ -56,18 +56,18 @@ def test_it_passes_gymnasiums_own_checks(action: str) -> None:
 def test_it_is_made_by_its_names() -> None:
     for name, kind in gym.IDS.items():
         env = gymnasium.make(kind, compile=False, seconds=1.0)
-        seen, _ = env.reset(seed=1)
+        observation, _ = env.reset(seed=1)
         assert env.unwrapped.action == name
-        assert seen in env.observation_space
+        assert observation in env.observation_space
 
 
 def test_several_fly_side_by_side() -> None:
     envs = gymnasium.make_vec(gym.IDS["pitch"], num_envs=2, compile=False, seconds=1.0)
-    seen, _ = envs.reset(seed=5)
+    observation, _ = envs.reset(seed=5)
     again, _ = plain("pitch").reset(seed=5)
-    assert seen.shape == (2, len(gym.OBSERVATION))
-    assert np.array_equal(seen[0], again)
-    assert not np.array_equal(seen[0], seen[1])  # each has a flight of its own
+    assert observation.shape == (2, len(gym.OBSERVATION))
+    assert np.array_equal(observation[0], again)
+    assert not np.array_equal(observation[0], observation[1])  # each has a flight of its own
     _, reward, *_ = envs.step(np.zeros((2, 1), dtype=np.float32))
     assert reward.shape == (2,)
 
@@ -120,24 +120,26 @@ def test_the_place_is_on_the_contour_and_drawn_anew() -> None:
     env = plain("line")
     places = set()
     for seed in range(4):
-        seen, info = env.reset(seed=seed)
+        observation, info = env.reset(seed=seed)
         places.add(env.goal)
         air = env._place.field.wind_at(info["goal_x_m"], 0.0, info["goal_z_m"], 0.0)
         polar = env._place.airframe.polar.as_polar()
         sink = polar.c0 + air[0] * (polar.c1 + air[0] * (polar.c2 + air[0] * polar.c3))
         assert air[2] == pytest.approx(sink, abs=1e-4)
-        assert at(seen, "goal_x_m") == pytest.approx(info["goal_x_m"] - info["x_m"], abs=0.05)
+        assert at(observation, "goal_x_m") == pytest.approx(
+            info["goal_x_m"] - info["x_m"], abs=0.05
+        )
     assert len(places) == 4
 
 
 def test_an_episode_is_its_seed() -> None:
     def episode(seed: int) -> tuple[Any, ...]:
         env = plain("surfaces", seconds=0.6)
-        seen, _ = env.reset(seed=seed)
-        found = [seen]
+        observation, _ = env.reset(seed=seed)
+        found = [observation]
         for _ in range(5):
-            seen, reward, *_ = env.step(np.full(3, 0.1, dtype=np.float32))
-            found.append(np.append(seen, reward))
+            observation, reward, *_ = env.step(np.full(3, 0.1, dtype=np.float32))
+            found.append(np.append(observation, reward))
         return tuple(np.concatenate(found))
 
     assert episode(3) == episode(3)
@@ -225,13 +227,13 @@ def test_what_is_not_known_yet_is_nought_and_nothing_leaves_its_range() -> None:
 def test_commands_go_through_the_modules_limiter() -> None:
     """From one tick to the next no further than the surfaces may: SURF_RATE."""
     env = plain("surfaces", period_s=DT_S)
-    seen, _ = env.reset(seed=1)
+    observation, _ = env.reset(seed=1)
     most = env._laws.envelope.rate_max_per_s * DT_S
-    before = at(seen, "elevator")
+    before = at(observation, "elevator")
     for _ in range(4):
-        seen, *_ = env.step(np.array([1.0, 0.0, 0.0]))
-        assert at(seen, "elevator") - before == pytest.approx(most, rel=1e-5)
-        before = at(seen, "elevator")
+        observation, *_ = env.step(np.array([1.0, 0.0, 0.0]))
+        assert at(observation, "elevator") - before == pytest.approx(most, rel=1e-5)
+        before = at(observation, "elevator")
 
 
 def ticks(env: gym.SoaringEnv, count: int) -> Any:
@@ -378,12 +380,12 @@ def test_compiled_and_plain_fly_alike(action: str) -> None:
     episodes = []
     for compile in (True, False):
         env = gym.SoaringEnv(action, compile=compile, seconds=1.5)
-        seen, _ = env.reset(seed=2)
-        found, over = [seen], False
+        observation, _ = env.reset(seed=2)
+        found, over = [observation], False
         while not over:
             action_now = 0.1 * np.sin(np.arange(gym.SIZES[action]) + len(found))
-            seen, _, ended, truncated, _ = env.step(action_now)
-            found.append(seen)
+            observation, _, ended, truncated, _ = env.step(action_now)
+            found.append(observation)
             over = ended or truncated
         episodes.append(np.array(found))
     assert episodes[0] == pytest.approx(episodes[1], abs=1e-5)

@@ -40,9 +40,9 @@ def plain(action: str, **options: Any) -> gym.SoaringEnv:
     return gym.SoaringEnv(action, **{"compile": False, "seconds": 1.0, **options})
 
 
-def at(seen: Any, name: str) -> float:
+def at(observation: Any, name: str) -> float:
     """One number of an observation."""
-    return float(seen[[each.name for each in gym.OBSERVATION].index(name)])
+    return float(observation[[each.name for each in gym.OBSERVATION].index(name)])
 
 
 # --- what the page promises ---------------------------------------------------------------------
@@ -142,12 +142,12 @@ def test_each_observation_is_what_is_known_under_its_name() -> None:
     env.goal = (0.5, 1.75)
     known = KnownAboard._make(0.01 * n for n in range(1, 1 + len(KnownAboard._fields)))
     env._known[0] = known._replace(x_m=0.25, z_m=2.5, eta_rad=0.5 * pi + 0.125)
-    seen = env._observation()
-    assert seen.dtype == np.float32
+    observation = env._observation()
+    assert observation.dtype == np.float32
     own = {"goal_x_m": 0.25, "goal_z_m": -0.75, "lean_rad": 0.125}
     for each in gym.OBSERVATION:
         value = own.get(each.name)
-        assert at(seen, each.name) == pytest.approx(
+        assert at(observation, each.name) == pytest.approx(
             getattr(known, each.name) if value is None else value, rel=1e-6
         )
 
@@ -221,11 +221,11 @@ def test_a_site_without_lines_has_one_that_meets_nothing_and_says_so() -> None:
 
 def test_a_flight_begins_at_the_tick_in_which_the_module_has_engaged() -> None:
     env = plain("pitch", seconds=0.5)
-    seen, info = env.reset(seed=1)
+    observation, info = env.reset(seed=1)
     assert info["time_s"] == pytest.approx(0.205)
     assert (env._steps, info["ended"]) == (41, "")
-    assert seen in env.observation_space
-    assert at(seen, "goal_x_m") == pytest.approx(info["goal_x_m"] - info["x_m"], abs=0.05)
+    assert observation in env.observation_space
+    assert at(observation, "goal_x_m") == pytest.approx(info["goal_x_m"] - info["x_m"], abs=0.05)
 
 
 def test_a_step_takes_a_period_and_gives_what_its_ticks_do() -> None:
@@ -254,16 +254,16 @@ def test_beyond_a_metre_there_is_no_reward_and_none_is_taken() -> None:
 
 def test_a_flight_is_its_seed_whatever_place_is_given() -> None:
     env = plain("pitch", seconds=0.3)
-    seen, _ = env.reset(seed=3)
+    observation, _ = env.reset(seed=3)
     drawn = env.goal
     again, _ = env.reset(seed=3, options={"goal": (0.4, 1.6)})
     assert env.goal == (0.4, 1.6)
-    assert again[2:].tolist() == seen[2:].tolist()  # all but where the place is
+    assert again[2:].tolist() == observation[2:].tolist()  # all but where the place is
     other, _ = env.reset(seed=3, options={"flight": 5})
     assert env.goal == drawn
-    assert other[2:].tolist() != seen[2:].tolist()
-    anew, _ = env.reset()  # the next of this seed
-    assert anew[2:].tolist() != seen[2:].tolist()
+    assert other[2:].tolist() != observation[2:].tolist()
+    next_one, _ = env.reset()  # the next of this seed
+    assert next_one[2:].tolist() != observation[2:].tolist()
     assert env.goal != drawn
 
 
@@ -272,8 +272,8 @@ def test_actions_end_at_one() -> None:
     for elevator in (1.0, 5.0):
         env = plain("surfaces", seconds=0.3)
         env.reset(seed=1)
-        seen, *_ = env.step(np.array([elevator, -elevator, 0.0]))
-        flown.append(seen.tolist())
+        observation, *_ = env.step(np.array([elevator, -elevator, 0.0]))
+        flown.append(observation.tolist())
     assert flown[0] == flown[1]
 
 

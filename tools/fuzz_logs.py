@@ -193,7 +193,7 @@ def tlog(names: Sequence[str] = (), rows: int = _ROWS) -> bytes:
     parts = []
     for row in range(rows):
         ms = 20_000 + 20 * row
-        said = [
+        messages = [
             (vehicle, mavlink.MAVLink_heartbeat_message(1, 3, 81, 5 * (row > 5), 4, 3)),
             (vehicle, mavlink.MAVLink_attitude_quaternion_message(ms, 1, 0, 0.01 * row, *(0,) * 4)),
             (vehicle, mavlink.MAVLink_attitude_message(ms, *(0.01 * row,) * 6)),
@@ -203,11 +203,11 @@ def tlog(names: Sequence[str] = (), rows: int = _ROWS) -> bytes:
             (module, mavlink.MAVLink_param_value_message(b"TGL_X", 0.2 * row, 9, 50, 3)),
             (module, mavlink.MAVLink_statustext_message(4, _WORDS)),
         ]
-        said += [
+        messages += [
             (module, mavlink.MAVLink_named_value_float_message(ms, name, 4.0))
             for name in (b"soar_mode", b"e_rho", b"line_x", b"line_z", b"line_lean", b"updraft")
         ]
-        for sender, message in said:
+        for sender, message in messages:
             if names and message.get_type() not in names:
                 continue
             frame = bytes(message.pack(sender))

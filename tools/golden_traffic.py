@@ -73,9 +73,9 @@ def _override(aileron: int, elevator: int, rudder: int) -> Any:
 
 def script() -> list[Outbound]:
     """Who says what and when [s]."""
-    said: list[Outbound] = []
+    outbound: list[Outbound] = []
     beat = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
-    said += [(float(second), COMPANION, beat) for second in range(16)]
+    outbound += [(float(second), COMPANION, beat) for second in range(16)]
     asked: list[Any] = [
         _read("SYSID_MYGCS"),
         _read("RC_OVERRIDE_TIME"),
@@ -99,7 +99,7 @@ def script() -> list[Outbound]:
         _command(31999),
         _command(511, mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 1e5, system=77),  # somebody else
     ]
-    said += [(1.05 + 0.25 * i, COMPANION, message) for i, message in enumerate(asked)]
+    outbound += [(1.05 + 0.25 * i, COMPANION, message) for i, message in enumerate(asked)]
     # Pulses from 8 s on, ten milliseconds apart, first of a sender whom it does not obey.
     phases: tuple[tuple[float, float, tuple[int, int], tuple[int, int, int]], ...] = (
         (8.0, 8.5, COMPANION, (1700, 1700, 1700)),
@@ -112,8 +112,8 @@ def script() -> list[Outbound]:
     )
     for begin, end, sender, pulses in phases:
         times = [begin + 0.01 * i for i in range(round((end - begin) / 0.01))]
-        said += [(round(t, 3), sender, _override(*pulses)) for t in times]
-    return sorted(said, key=lambda each: each[0])
+        outbound += [(round(t, 3), sender, _override(*pulses)) for t in times]
+    return sorted(outbound, key=lambda each: each[0])
 
 
 class Record:
@@ -124,7 +124,7 @@ class Record:
         self._streamed = dict.fromkeys(sorted(STREAMS), 0)
         self._last: dict[str, Any] = {}
 
-    def said(self, time_s: float, who: tuple[int, int], message: Any) -> None:
+    def outbound(self, time_s: float, who: tuple[int, int], message: Any) -> None:
         """By us."""
         values = message.to_dict()
         name = values.pop("mavpackettype")
@@ -187,7 +187,7 @@ def record(program: Path, folder: Path) -> Record:
                 at_s, who, message = waiting.pop(0)
                 simulation.receive(LINK, bytes(message.pack(codecs[who])))
                 codecs[who].seq = (codecs[who].seq + 1) % 256
-                kept.said(at_s, who, message)
+                kept.outbound(at_s, who, message)
     finally:
         simulation.close()
     return kept

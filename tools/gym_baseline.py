@@ -70,10 +70,10 @@ class Figure(NamedTuple):
 
 def fly(env: SoaringEnv, policy: Policy, seed: int) -> Flown:
     """One episode of this flight's seed."""
-    seen, info = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed)
     gain, over = 0.0, False
     while not over:
-        seen, reward, ended, truncated, info = env.step(policy(seen))
+        observation, reward, ended, truncated, info = env.step(policy(observation))
         gain += reward
         over = ended or truncated
     away = float(np.hypot(info["x_m"] - info["goal_x_m"], info["z_m"] - info["goal_z_m"]))
@@ -83,15 +83,15 @@ def fly(env: SoaringEnv, policy: Policy, seed: int) -> Flown:
 def scaling(seconds: float, turbulence: float, compile: bool) -> tuple[FloatArray, FloatArray]:
     """Mean and standard deviation of every observation in flights by our law."""
     env = SoaringEnv("line", seconds=seconds, turbulence=turbulence, compile=compile, period_s=0.1)
-    seen: list[Any] = []
+    observations: list[Any] = []
 
     def law(observation: Any) -> Any:
-        seen.append(observation)
+        observations.append(observation)
         return np.zeros(SIZES["line"])
 
     for seed in range(4):
         fly(env, law, seed)
-    return np.mean(seen, axis=0), np.maximum(np.std(seen, axis=0), 1e-3)
+    return np.mean(observations, axis=0), np.maximum(np.std(observations, axis=0), 1e-3)
 
 
 def linear(weights: FloatArray, size: int, mean: FloatArray, spread: FloatArray) -> Policy:

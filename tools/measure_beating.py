@@ -253,18 +253,18 @@ def flown(how: Flown, folder: Path, seed: int) -> Beaten:
 def words(found: Beaten) -> str:
     """Of the table."""
 
-    def said(value: float) -> str:
+    def written(value: float) -> str:
         return f"{value:.0f}" if isfinite(value) else NEVER
 
     return " | ".join(
         (
-            said(found.began_s),
+            written(found.began_s),
             f"{found.beating_s:.0f}",
             f"{found.turns}",
-            ", ".join(said(each) for each in found.heights_m),
-            said(found.aside_m),
-            ", ".join(said(each) for each in found.off_m),
-            said(found.again_s),
+            ", ".join(written(each) for each in found.heights_m),
+            written(found.aside_m),
+            ", ".join(written(each) for each in found.off_m),
+            written(found.again_s),
             found.end,
         )
     )

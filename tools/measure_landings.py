@@ -140,12 +140,12 @@ def outcome(
     )
 
 
-def said(log: str) -> str:
+def reported(log: str) -> str:
     """What the module told of the hand-over and of its end."""
-    told = re.findall(r"(?:tgl_soar: )?(the autopilot (?:lands|is in|does not land).*)", log)
-    told += re.findall(r"(LND_BY \d: .*|its (?:home|mission).*: we land)", log)
-    told += re.findall(r"released: (.*)", log)[-1:]
-    return "; ".join(told) or NEVER
+    found = re.findall(r"(?:tgl_soar: )?(the autopilot (?:lands|is in|does not land).*)", log)
+    found += re.findall(r"(LND_BY \d: .*|its (?:home|mission).*: we land)", log)
+    found += re.findall(r"released: (.*)", log)[-1:]
+    return "; ".join(found) or NEVER
 
 
 class Flown(NamedTuple):
@@ -195,26 +195,26 @@ def flown(how: Flown, folder: Path, by: int, seed: int) -> tuple[Landed, str]:
     modes = modes_of(folder, flight.truth["time_s"])
     theirs = LANDING_MODES.get(how.autopilot, {}).get(by)
     log = (folder / "module.log").read_text(errors="replace")
-    return outcome(flight.truth, modes, theirs, values), said(log)
+    return outcome(flight.truth, modes, theirs, values), reported(log)
 
 
 def words(found: Landed) -> str:
     """Of the table."""
 
-    def told(*numbers: float, digits: int = 1) -> str:
+    def written(*numbers: float, digits: int = 1) -> str:
         if not all(isfinite(number) for number in numbers):
             return NEVER
         return ", ".join(f"{number:.{digits}f}" for number in numbers)
 
     return " | ".join(
         (
-            told(found.taken_s),
-            told(*found.taken_at),
-            told(found.down_s),
-            told(*found.down_at),
-            told(found.along_m),
-            told(found.across_m),
-            told(found.sink_mps, digits=2),
+            written(found.taken_s),
+            written(*found.taken_at),
+            written(found.down_s),
+            written(*found.down_at),
+            written(found.along_m),
+            written(found.across_m),
+            written(found.sink_mps, digits=2),
         )
     )
 
@@ -248,8 +248,8 @@ def main() -> int:
             name = f"{how.autopilot}-{how.route or 'usual'}-{by}{mission}{tube}-{seed}"
             folder = arguments.out / name
             try:
-                landed, told = flown(how, folder, by, seed)
-                row = f"{words(landed)} | {told}"
+                landed, reported = flown(how, folder, by, seed)
+                row = f"{words(landed)} | {reported}"
             except SitlError as error:
                 row = f"{' | '.join(' ' * 7)} | not flown: {str(error).splitlines()[0]}"
             print(f"| {by} | {seed} | {row} |", flush=True)

@@ -44,8 +44,8 @@ def with_alpha(process: SoaringProcess, shown: FloatArray) -> FloatArray:
     looks = process.looks_in(0.5)
     alpha = np.convolve(shown[:, COLUMN["alpha_rad"]], np.full(looks, 1.0 / looks))[: len(shown)]
     stall_rad = process.case.airframe.aerodynamics().stall_alpha_rad
-    share = (stall_rad - alpha) / (stall_rad - process.prepared.world.trim.alpha_rad)
-    return np.minimum(share, process.margins(shown, NO_NOSE))
+    fraction = (stall_rad - alpha) / (stall_rad - process.prepared.world.trim.alpha_rad)
+    return np.minimum(fraction, process.margins(shown, NO_NOSE))
 
 
 def by(outlook: Outlook) -> Callable[..., FloatArray]:
@@ -86,7 +86,7 @@ def flown(process: SoaringProcess, seeds: Sequence[int]) -> tuple[Looks, int]:
     return Looks(np.concatenate(lost), joined), ended
 
 
-def told(lost: FloatArray, margins: FloatArray) -> float:
+def information(lost: FloatArray, margins: FloatArray) -> float:
     """Nats a look before a loss."""
     sorted_by = lost[np.argsort(margins, kind="stable")]
     edges = np.unique([0, *np.geomspace(LEAST, len(lost), CLASSES).astype(int)])
@@ -104,7 +104,9 @@ def told(lost: FloatArray, margins: FloatArray) -> float:
 def report(looks: Looks) -> str:
     """A table."""
     lines = ["| a margin of | tells [nats] |", "|---|--:|"]
-    lines += [f"| {name} | {told(looks.lost, of):.2f} |" for name, of in looks.margins.items()]
+    lines += [
+        f"| {name} | {information(looks.lost, of):.2f} |" for name, of in looks.margins.items()
+    ]
     return "\n".join(lines)
 
 

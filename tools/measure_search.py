@@ -79,9 +79,9 @@ def row(flown: SitlOptions) -> str:
     claims = bool(leg.found) and end_s - leg.stopped_s >= STAY_S - 0.5
     on = bool(truth["flying"][rows].all()) and mean_climb(time_s, z_m, END_S) > SINKS_MPS
     words = re.findall(r"released: (.*)", (flown.out / "module.log").read_text(errors="replace"))
-    said = f"{leg.stopped_s - begun_s:.1f} s" if claims else f"no: {words[-1:] or ['never']}"
+    claimed = f"{leg.stopped_s - begun_s:.1f} s" if claims else f"no: {words[-1:] or ['never']}"
     return (
-        f"| {'yes' if claims and on else 'no'} | {settling_s(time_s, z_m):.1f} s | {said}"
+        f"| {'yes' if claims and on else 'no'} | {settling_s(time_s, z_m):.1f} s | {claimed}"
         f" | {z_m[0] - z_m.min():.2f} m | {'yes' if claims and not on else 'no'} |"
     )
 

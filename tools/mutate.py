@@ -59,9 +59,9 @@ def named_mutants(root: Path) -> list[Mutant]:
     ]
 
 
-def recorded(root: Path, jobs: int, *, anew: bool) -> Reach:
+def recorded(root: Path, jobs: int, *, again: bool) -> Reach:
     """What executes what; it is recorded where it never was.  Errors: CalledProcessError."""
-    if anew or not (root / FOLDER / "known.json").exists():
+    if again or not (root / FOLDER / "known.json").exists():
         began_s = time.monotonic()
         print("recording which tests execute which lines", flush=True)
         record(root, jobs)
@@ -87,9 +87,9 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
         "--reach",
         action="store_true",
         help="try the tests that execute a line, which a run of `make test` records first unless"
-        " it was recorded before (in .cache/mutants; --reach-anew: once more)",
+        " it was recorded before (in .cache/mutants; --reach-again: once more)",
     )
-    parser.add_argument("--reach-anew", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--reach-again", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     mutants = named_mutants(root) if options.named else all_mutants(root, options.places)
     total = len(mutants)
@@ -99,8 +99,8 @@ def main(arguments: list[str], root: Path = ROOT) -> int:
     os.environ.setdefault("XDG_CACHE_HOME", str(root / ".cache"))
     began_s = time.monotonic()
     reach = None
-    if options.reach or options.reach_anew:
-        reach = recorded(root, options.jobs, anew=options.reach_anew)
+    if options.reach or options.reach_again:
+        reach = recorded(root, options.jobs, again=options.reach_again)
     with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as place:
         folders = [copied(root, Path(place, str(i))) for i in range(options.jobs)]
         workshop = Workshop(root, folders, lambda line: print(line, flush=True), reach=reach)

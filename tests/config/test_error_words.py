@@ -72,9 +72,9 @@ def test_what_simulates_names_the_file_without_a_model(tmp_path: Path, command: 
     words = [word.replace("{}", str(tmp_path)) for word in command.split()]
     ran = CliRunner().invoke(app, [*words, "--airframe", str(file)])
     assert ran.exit_code == 2
-    said = " ".join(ran.output.split())
-    assert "own.toml: [model]: missing" in said
-    assert "None" not in said
+    printed = " ".join(ran.output.split())
+    assert "own.toml: [model]: missing" in printed
+    assert "None" not in printed
     assert not (tmp_path / "out").exists()
 
 

@@ -40,9 +40,9 @@ def test_gains_of_another_aircraft_are_named_as_such(
 ) -> None:
     """Nobody has found any for an aircraft that nobody knows."""
     model = {name: value for name, value in PLANE.model.items() if name not in missing}
-    said = words(replace(PLANE, model=model, parameters=parameters))
-    assert said.startswith("gains of pitch: those of the Eclipson Model C: ")
-    assert said.endswith(f"{why} (`tgl-soar docs files`)")
+    text = words(replace(PLANE, model=model, parameters=parameters))
+    assert text.startswith("gains of pitch: those of the Eclipson Model C: ")
+    assert text.endswith(f"{why} (`tgl-soar docs files`)")
 
 
 def test_seeking_runs_no_code_of_the_folder_that_it_is_started_from(
@@ -74,8 +74,8 @@ def test_an_aircraft_like_the_shipped_one_has_its_gains() -> None:
 def test_given_gains_of_an_unknown_aircraft_are_named() -> None:
     given = {**PLANE.parameters, "RHO_P": 0.5}
     assert words(replace(PLANE, parameters=given)) == ""
-    said = words(replace(PLANE, model={}, parameters=given))
-    assert said == "gains of pitch: as the files give them (RHO_P); none are sought"
+    text = words(replace(PLANE, model={}, parameters=given))
+    assert text == "gains of pitch: as the files give them (RHO_P); none are sought"
 
 
 def without(ending: str | tuple[str, ...]) -> dict[str, float]:
@@ -98,11 +98,11 @@ def test_gains_that_are_missing_beside_others_are_warned_of(
     given: dict[str, float], missing: str
 ) -> None:
     """On the aircraft that the shipped ones were found on, too, whatever is given of them."""
-    said = words(replace(PLANE, parameters={**REST, **given}))
+    text = words(replace(PLANE, parameters={**REST, **given}))
     if missing:
-        assert f"flown as declared: {missing}, which nobody found" in said
+        assert f"flown as declared: {missing}, which nobody found" in text
     else:
-        assert said == ""
+        assert text == ""
 
 
 def test_show_does_not_call_them_sought(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ class Station:
 
     def set(self, name: str, value: float, *, flying: bool = True) -> list[str]:
         """Names of the values that came in answer."""
-        said = self.server.handle(
+        answers = self.server.handle(
             Source(255, 190),
             ParamSet(
                 target_system=1,
@@ -66,7 +66,7 @@ class Station:
             0.0,
             flying=flying,
         )
-        return self._take(said)
+        return self._take(answers)
 
     def read(self, name: str) -> float:
         message = ParamRequestRead(1, 191, name, -1)
@@ -74,10 +74,10 @@ class Station:
         self._take(self.server.poll(1.0))
         return self.shown[name]
 
-    def _take(self, said: list[Outbound]) -> list[str]:
-        values = [m for m in said if isinstance(m, ParamValue)]
+    def _take(self, answers: list[Outbound]) -> list[str]:
+        values = [m for m in answers if isinstance(m, ParamValue)]
         self.shown |= {m.param_id: m.param_value for m in values}
-        self.words = "".join(m.text for m in said if isinstance(m, StatusText))
+        self.words = "".join(m.text for m in answers if isinstance(m, StatusText))
         return [m.param_id for m in values]
 
     @property

@@ -106,8 +106,8 @@ def test_gains_of_another_aircraft_than_the_declared_are_kept_as_one_set() -> No
     assert {"ELE_D_FILT", "RHO_DF_IMU", "ELE_LAG"} <= set(kept)
     assert "ELE_TRIM" not in kept
     assert kept["RHO_D"] == as_wire_value(0.3)
-    sought_anew = own.changed({"RHO_P": 1.4, "ELE_FREQ": 7.3, "ELE_P": 3.0})
-    again, notes = restored(sought_anew, kept, ())
+    sought_again = own.changed({"RHO_P": 1.4, "ELE_FREQ": 7.3, "ELE_P": 3.0})
+    again, notes = restored(sought_again, kept, ())
     assert [again[name] for name in kept] == list(kept.values())
     assert notes == []
     assert to_keep(own.changed({"TGL_X": 0.1}), own) == {"TGL_X": as_wire_value(0.1)}
@@ -455,13 +455,13 @@ def test_a_write_leaves_no_file_open(path: Path) -> None:
 
 def settled(flying: ParameterStore, values: ParameterSet, now_s: float) -> list[str]:
     """What it says until nothing is being written, without time going on."""
-    said = flying.poll(values, now_s)
+    notices = flying.poll(values, now_s)
     end = time.monotonic() + 10.0
     while flying.is_writing:
         assert time.monotonic() < end
         time.sleep(0.0005)
-        said += flying.poll(values, now_s)
-    return said
+        notices += flying.poll(values, now_s)
+    return notices
 
 
 def flying_values(i: int) -> ParameterSet:
@@ -516,10 +516,10 @@ def test_a_disk_that_takes_nothing_is_reported_once_and_tried_again(path: Path) 
     flying = store(path)
     flying.restore()
     flying.start()
-    said: list[str] = []
+    notices: list[str] = []
     for i in range(300):  # a minute of changes, one every 0.2 s
-        said += settled(flying, flying_values(i), 0.2 * i)
-    (reported,) = said
+        notices += settled(flying, flying_values(i), 0.2 * i)
+    (reported,) = notices
     assert reported.startswith("parameters are not kept: ")
     assert reported.endswith("flying on")
     assert str(path) in reported

@@ -85,8 +85,8 @@ def test_a_figure_that_a_decision_quotes_is_that_of_its_row(
         for line in PERFORMANCE.splitlines()
         if line.startswith(f"| {row}") and interpreted in line
     )
-    said = re.search(words, text)
-    assert said
-    assert float(said[1].replace(",", "")) == pytest.approx(
+    quoted = re.search(words, text)
+    assert quoted
+    assert float(quoted[1].replace(",", "")) == pytest.approx(
         float(cells[column].split()[0]), rel=0.25
     )

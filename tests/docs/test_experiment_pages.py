@@ -58,11 +58,11 @@ def test_a_verdict_counts_the_claims_of_its_section(name: str) -> None:
     assert summary
     for each, cells in summary:
         section = text.partition(f'<a id="{each}"></a>')[2].partition('<a id="')[0]
-        told = [cell.strip() for cell in cells.split("|")]
-        told = [cell for cell in told if cell != "–"]
+        verdicts = [cell.strip() for cell in cells.split("|")]
+        verdicts = [cell for cell in verdicts if cell != "–"]
         claims = claims_of(section.partition("**Verdict")[2])
-        assert len(told) == len(claims[0][1]), each
-        for model, verdict in enumerate(told):
+        assert len(verdicts) == len(claims[0][1]), each
+        for model, verdict in enumerate(verdicts):
             assert verdict.endswith(": " + counts(claims, model)), (each, model)
             words = verdict.partition(":")[0]
             assert words in section.partition("**Verdict")[2].partition("**")[0], each
@@ -120,9 +120,9 @@ def test_what_was_said_once_stands_beside_what_is_said_now(name: str) -> None:
 
 def wrong_seeds(text: str) -> list[str]:
     """Scenarios that are flown with other seeds than a page says, or are there no more."""
-    said = re.findall(r"`config/scenarios/(\w+)\.toml`\. Seeds: ([\d, ]+)\.", text)
+    listed = re.findall(r"`config/scenarios/(\w+)\.toml`\. Seeds: ([\d, ]+)\.", text)
     wrong = []
-    for name, seeds in said:
+    for name, seeds in listed:
         path = shipped("scenarios") / f"{name}.toml"
         if not path.is_file():
             wrong.append(f"there is no scenario {name}")

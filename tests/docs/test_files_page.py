@@ -58,8 +58,8 @@ def tables() -> dict[str, list[Row]]:
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         if line.startswith("### "):
             name = line[4:]
-        elif said := re.match(r'(?:`kind = "|`\[|`)(\w+)(?:"`|\]`|`)[:,]', line):
-            name = said[1]
+        elif heading := re.match(r'(?:`kind = "|`\[|`)(\w+)(?:"`|\]`|`)[:,]', line):
+            name = heading[1]
         elif line.startswith("Each surface"):
             name = "Each surface"
         if line == HEAD:
@@ -128,15 +128,15 @@ def default(field: inspect.Field) -> str | None:
 
 @pytest.mark.parametrize("name", STRUCTS)
 def test_every_key_is_listed_as_it_is_declared(name: str) -> None:
-    rows = {key: (told, otherwise) for key, told, otherwise in tables()[name]}
+    rows = {key: (range_words, otherwise) for key, range_words, otherwise in tables()[name]}
     info = inspect.type_info(STRUCTS[name])
     assert isinstance(info, inspect.StructType)
     fields = {field.encode_name: field for field in info.fields}
     assert [*rows] == [*dict.fromkeys(rows)]
     assert rows.keys() == fields.keys()
-    for key, (told, otherwise) in rows.items():
+    for key, (range_words, otherwise) in rows.items():
         expected = allowed(fields[key].type), default(fields[key])
-        assert (key, told) == (key, told if expected[0] is None else expected[0])
+        assert (key, range_words) == (key, range_words if expected[0] is None else expected[0])
         if (name, key) != ("surfaces", "aileron"):
             assert (key, otherwise) == (key, otherwise if expected[1] is None else expected[1])
 
@@ -148,14 +148,18 @@ def test_the_keys_of_the_model_are_those_that_are_known() -> None:
     assert marked == [*airframe._AERODYNAMIC]
     sideways = re.findall(r"^\| `(\w+)` \|.*\| ○ ", PAGE.read_text(encoding="utf-8"), re.M)
     assert {*sideways} == {*lateral_gains._NEEDED} - {*marked}
-    positive = [key for key, told, _ in tables()["model"] if told.startswith("above 0")]
+    positive = [
+        key for key, range_words, _ in tables()["model"] if range_words.startswith("above 0")
+    ]
     assert positive == [*airframe.POSITIVE_KEYS]
-    told = {key: told for key, told, _ in tables()["model"]}
-    assert [key for key in told if told[key] == "below 0"] == [*airframe.NEGATIVE_KEYS]
+    range_words = {key: range_words for key, range_words, _ in tables()["model"]}
+    assert [key for key in range_words if range_words[key] == "below 0"] == [
+        *airframe.NEGATIVE_KEYS
+    ]
     stall = f"above 0, up to {number(airframe.STALL_MAX_RAD)}"
-    assert [key for key in told if told[key] == stall] == [*airframe._BELOW_STALL_MAX]
+    assert [key for key in range_words if range_words[key] == stall] == [*airframe._BELOW_STALL_MAX]
     for key, low, high in (("CL_alpha", *airframe._LIFT_SLOPE), *airframe._PROPELLER_RANGES):
-        assert told[key] == f"{number(low)} … {number(high)}"
+        assert range_words[key] == f"{number(low)} … {number(high)}"
 
 
 def test_every_table_of_a_file_has_a_section() -> None:

@@ -29,12 +29,12 @@ def rows(text: str, begins: str) -> list[list[str]]:
 def test_the_dispersed_campaign_is_the_one_of_its_table() -> None:
     _, dispersed = rows(page("safety.md"), "**all**")
     flights, _, flying, _, lost = (int(cell.strip("*")) for cell in dispersed[1:6])
-    said = re.search(
+    quoted = re.search(
         r"Of ([\d,]+) such flights .*?(none|one|\d+) was lost", page("safety.md"), re.S
     )
-    assert said
-    assert (int(said[1].replace(",", "")), flying) == (flights, 0)
-    assert {"none": 0, "one": 1}.get(said[2], said[2]) == lost
+    assert quoted
+    assert (int(quoted[1].replace(",", "")), flying) == (flights, 0)
+    assert {"none": 0, "one": 1}.get(quoted[2], quoted[2]) == lost
     # Of which so many flights would show no more in one of twenty, by Poisson's distribution.
     most = 100 * float(chi2.ppf(0.95, 2 * (lost + 1))) / 2.0 / flights
     assert f"{most:.2f} % of such flights are lost (95 %, one-sided)" in words("safety.md")
@@ -51,15 +51,16 @@ def test_brakes_that_are_not_given_up_are_counted_as_in_the_table() -> None:
         for kind in ("stuck", "one_side")
     )
 
-    def told(counts: list[tuple[int, int]]) -> str:
+    def counted(counts: list[tuple[int, int]]) -> str:
         return " of ".join(str(sum(each)) for each in zip(*counts, strict=True))
 
     text = words("point.md")
-    assert f"{told([*stuck.values()])} brakes that had jammed as a whole were given up" in text
+    assert f"{counted([*stuck.values()])} brakes that had jammed as a whole were given up" in text
     assert (
-        f"{told([stuck['tunnel']])} in the tunnel and {told([stuck['hill']])} on the hill" in text
+        f"{counted([stuck['tunnel']])} in the tunnel and {counted([stuck['hill']])} on the hill"
+        in text
     )
-    assert f"and {told([*half.values()])} of which one half had jammed" in text
+    assert f"and {counted([*half.values()])} of which one half had jammed" in text
     lasted = [row[2] for row in shipped if row[0] in ("tunnel", "hill")]
     dispersed = [re.fullmatch(r"(\d+) of (\d+)", cell) for cell in lasted]
     lost = sum(int(found[2]) - int(found[1]) for found in dispersed if found)

@@ -126,13 +126,13 @@ class Desk:
         path.write_text(f"#!/bin/sh\n{body}\n")
         path.chmod(0o755)
 
-    def run(self, command: str, *, code: int = 0, said: str = "") -> str:
+    def run(self, command: str, *, code: int = 0, typed: str = "") -> str:
         """One line, by a shell; what it printed."""
         done = subprocess.run(
             ["bash", "--norc", "-c", command],
             cwd=self.folder,
             env=self.environment,
-            input=said,
+            input=typed,
             capture_output=True,
             text=True,
             timeout=1800,
@@ -243,10 +243,10 @@ def assert_shows(picture: str, truth: Path) -> None:
 
 @proves("make run", "tgl-soar sitl")
 def test_the_demo_flies_and_is_the_first_picture(demo: tuple[Desk, str]) -> None:
-    desk, said = demo
+    desk, printed = demo
     out = desk.folder / "out" / "sitl"
     assert (out / "flight.png").stat().st_size > 10_000
-    assert "not held" not in said
+    assert "not held" not in printed
     assert_shows("flight.png", out / "truth.csv")
     assert re.search(r"(?m)^\t\$\(BIN\)/tgl-soar sitl \$\(ARGS\)$", MAKEFILE)
 
@@ -640,11 +640,11 @@ def on_the_bench(companion: Companion) -> Iterator[Callable[[str], str]]:
 
 @proves(PREFLIGHT, SURFACES, RUN)
 def test_the_vehicle_is_asked_and_flown(companion: Companion) -> None:
-    with on_the_bench(companion) as said:
-        assert "ready" in companion.run(said(PREFLIGHT))
-        assert "rudder" in companion.run(said(SURFACES), said="y\n" * 12)
+    with on_the_bench(companion) as in_bench:
+        assert "ready" in companion.run(in_bench(PREFLIGHT))
+        assert "rudder" in companion.run(in_bench(SURFACES), typed="y\n" * 12)
         with companion.terminal("run") as terminal:
-            terminal.type(said(RUN))
+            terminal.type(in_bench(RUN))
             terminal.wait("standby: position, attitude and autopilot are there")
 
 

@@ -211,13 +211,13 @@ def test_a_blend_is_flyable_where_both_of_its_fields_are() -> None:
     air, one = known_air(field, TIMES), known_air(SAME_BOX, TIMES)
     assert (air.weight == 0.5).all()
     assert (one.weight == -1.0).all()
-    seen = set()
+    found = set()
     for place in places((-2.2, 2.2, -1.2, 2.2, -0.2, 3.2)):
         expected = SAME_BOX.inside(*place) and OTHER.inside(*place)
         assert air.flyable(0, *place) == expected
         assert one.flyable(0, *place) == SAME_BOX.inside(*place)
-        seen.add((expected, SAME_BOX.inside(*place)))
-    assert seen == {(True, True), (False, True), (False, False)}
+        found.add((expected, SAME_BOX.inside(*place)))
+    assert found == {(True, True), (False, True), (False, False)}
 
 
 def test_the_world_ends_at_its_half_width() -> None:

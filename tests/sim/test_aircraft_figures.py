@@ -61,8 +61,8 @@ def test_a_figure_has_a_sign_that_it_must_have_or_any(name: str) -> None:
     for sign, word, must in ((-1.0, "positive", ABOVE_0), (1.0, "negative", BELOW_0)):
         for value in (sign * 0.5, 0.0):
             if name in must:
-                said = f"{where(name)} = {value}: must be {word}"
-                with pytest.raises(ValueError, match=said):
+                words = f"{where(name)} = {value}: must be {word}"
+                with pytest.raises(ValueError, match=words):
                     made_with(name, value)
             elif name not in (*ABOVE_0, *BELOW_0):
                 assert getattr(made_with(name, value), name) == value
@@ -116,9 +116,9 @@ def test_a_servos_figure_is_in_its_range_to_both_ends(key: str, low: float, high
     place = ("servo_lag_radps", "servo_rate_per_s", "servo_travel", "servo_delay_s").index(key)
     for good in (low, high):
         assert servo_params({**FIGURES, key: good})[place] == good
-    said = rf"model\.{key} = .*: must be from {low:g} to {high:g}".replace("+", r"\+")
+    words = rf"model\.{key} = .*: must be from {low:g} to {high:g}".replace("+", r"\+")
     for bad in (low - 0.001, high * 1.001, nan, inf):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=words):
             servo_params({**FIGURES, key: bad})
     missing = {name: value for name, value in FIGURES.items() if name != key}
     with pytest.raises(ValueError, match=rf"model\.{key}: missing; a number from {low:g} to"):

@@ -27,7 +27,7 @@ def lasts(default: str, drawn: str) -> str:
     return f"for {default} s in 0..1e+06 drawn {drawn}"
 
 
-def share(default: str, drawn: str) -> str:
+def fraction(default: str, drawn: str) -> str:
     return f"share {default} in 0..1 drawn {drawn}"
 
 
@@ -59,17 +59,17 @@ DECLARED: dict[str, list[str]] = {
     **{f"{of}.delay": [LASTING, later("0.1", "0.01..0.3")] for of in PASSING},
     **{f"{of}.jitter": [LASTING, later("0.05", "0.01..0.2")] for of in PASSING},
     **{
-        f"{of}.reorder": [LASTING, share("0.2", "0.05..0.5"), later("0.05", "0.01..0.2")]
+        f"{of}.reorder": [LASTING, fraction("0.2", "0.05..0.5"), later("0.05", "0.01..0.2")]
         for of in PASSING
     },
     **{
-        f"{of}.duplicate": [LASTING, share("0.3", "0.05..1"), later("0.02", "0..0.1")]
+        f"{of}.duplicate": [LASTING, fraction("0.3", "0.05..1"), later("0.02", "0..0.1")]
         for of in PASSING
     },
-    **{f"{of}.loss": [LASTING, share("0.2", "0.02..0.6")] for of in PASSING},
+    **{f"{of}.loss": [LASTING, fraction("0.2", "0.02..0.6")] for of in PASSING},
     **{f"{of}.freeze": [lasts("2", "0.05..4")] for of in (*SENSORS, "rangefinder")},
     **{
-        f"{of}.nan": [lasts("2", "0.05..4"), share("0.5", "0.02..1")]
+        f"{of}.nan": [lasts("2", "0.05..4"), fraction("0.5", "0.02..1")]
         for of in (*SENSORS, "rangefinder")
     },
     **{
@@ -97,7 +97,7 @@ DECLARED: dict[str, list[str]] = {
     "transmitter.silent": [lasts("3", "0.5..10")],
     "transmitter.failsafe": [lasts("3", "0.5..10")],
     "station.silent": [lasts("10", "5..30")],
-    "link.corrupt": [LASTING, share("0.2", "0.02..0.6")],
+    "link.corrupt": [LASTING, fraction("0.2", "0.02..0.6")],
     "link.down": [lasts("0.3", "0.02..4")],
     "link.up": [lasts("0.3", "0.02..2")],
     "air.gust": [

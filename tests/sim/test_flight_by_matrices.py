@@ -391,7 +391,7 @@ def test_the_other_of_two_lags_acts_where_it_is_longer() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "words"),
     [
         ({"thrust_n": -0.1}, r"model\.thrust_n = -0\.1: must be 0 or above"),
         ({"thrust_n": float("inf")}, r"model\.thrust_n = inf: must be 0 or above"),
@@ -402,8 +402,8 @@ def test_the_other_of_two_lags_acts_where_it_is_longer() -> None:
         ),
     ],
 )
-def test_what_makes_no_point_mass_is_named(changes: dict[str, float], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_what_makes_no_point_mass_is_named(changes: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
         point_mass(TABLE, {**AIRFRAME.model, **changes}, POLAR)
 
 

@@ -149,7 +149,9 @@ def test_fence_and_ground_hold_in_the_frame_of_before_and_in_the_new_one(
     assert ended[0].time_s - RESET_S < 0.5
 
 
-def dead_reckoned(told_s: float, lasts_s: float = 15.0) -> tuple[list[Output], list[Words], float]:
+def dead_reckoned(
+    reported_s: float, lasts_s: float = 15.0
+) -> tuple[list[Output], list[Words], float]:
     """Fixes missing for so long, and as long again: how far [m] it truly is off its line then.
 
     told_s: after how long the autopilot says so.
@@ -160,7 +162,7 @@ def dead_reckoned(told_s: float, lasts_s: float = 15.0) -> tuple[list[Output], l
     values = values.changed({**line_parameters(next(iter(site.lines.values()))), "AGE_POS_DR": 20})
     world = make_world(airframe, site, seed=3, turbulence=TURBULENCE, field=build_field(site.air))
     # 1.7 m at last, along the wind of this site: what was seen through a real autopilot.
-    fault = f"position.reckoned start={RESET_S} for={lasts_s} north=0 east=-0.015 told={told_s}"
+    fault = f"position.reckoned start={RESET_S} for={lasts_s} north=0 east=-0.015 told={reported_s}"
     loop = ClosedLoop(world, values, Injection([parse_fault(fault)]))
     frame, reckoning = FrameWords(), ReckoningWords()
     outputs, words = [], []
@@ -175,7 +177,7 @@ def dead_reckoned(told_s: float, lasts_s: float = 15.0) -> tuple[list[Output], l
 
 
 def test_what_is_corrected_after_dead_reckoning_moves_no_frame() -> None:
-    outputs, words, off_m = dead_reckoned(told_s=7.0)
+    outputs, words, off_m = dead_reckoned(reported_s=7.0)
     assert outputs[-1].quality.shift_x_m == 0.0
     assert outputs[-1].mode in (CAPTURING, SOARING)
     assert off_m < E_RHO_M
@@ -187,6 +189,6 @@ def test_what_is_corrected_after_dead_reckoning_moves_no_frame() -> None:
 
 def test_not_reported_of_it_the_line_stays_where_the_reckoning_ended() -> None:
     """What the autopilot's word is asked for: the same flight without it."""
-    outputs, _, off_m = dead_reckoned(told_s=1e6)
+    outputs, _, off_m = dead_reckoned(reported_s=1e6)
     assert abs(outputs[-1].quality.shift_x_m) > 1.0
     assert off_m > 1.0

@@ -142,7 +142,7 @@ def test_a_speed_below_the_slowest_is_flown_2_per_cent_above_it() -> None:
 # --- the pilot's hand -----------------------------------------------------------------------------
 
 
-def seen(
+def inputs_of(
     *,
     euler: tuple[float, float, float] = (0.0, 0.0, 0.0),
     rates: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -196,12 +196,12 @@ TRIMMED = {
 
 @pytest.mark.parametrize(("fixes", "attitudes"), [(0, 1), (1, 0), (0, 0)])
 def test_blind_the_pilot_holds_the_trim(fixes: int, attitudes: int) -> None:
-    inputs = seen(euler=(0.3, 0.3, 0.3), fixes=fixes, attitudes=attitudes)
+    inputs = inputs_of(euler=(0.3, 0.3, 0.3), fixes=fixes, attitudes=attitudes)
     assert command(inputs) == (GLIDE.elevator, 0.0, 0.0, 0.0)
 
 
 def test_in_trim_nothing_is_corrected() -> None:
-    held = command(seen(**TRIMMED))  # type: ignore[arg-type]
+    held = command(inputs_of(**TRIMMED))  # type: ignore[arg-type]
     assert held == pytest.approx((GLIDE.elevator, 0.0, 0.0, 0.0))
 
 
@@ -220,7 +220,7 @@ def test_in_trim_nothing_is_corrected() -> None:
 def test_each_deviation_has_its_own_surface(
     change: dict[str, Any], corrected: tuple[float, float, float]
 ) -> None:
-    held = command(seen(**{**TRIMMED, **change}))
+    held = command(inputs_of(**{**TRIMMED, **change}))
     moved = held.elevator - GLIDE.elevator, held.aileron, held.rudder
     assert moved == pytest.approx(corrected, abs=1e-12)
 
@@ -231,7 +231,7 @@ def test_too_fast_is_trimmed_nose_up_by_a_metre_a_second_at_most(
 ) -> None:
     """0.008 rad a second for each m/s."""
     north = GLIDE.horizontal_mps - 9.2 + too_fast_mps
-    inputs = seen(euler=(0.0, GLIDE.pitch_rad, 0.0), north_mps=north)
+    inputs = inputs_of(euler=(0.0, GLIDE.pitch_rad, 0.0), north_mps=north)
     pilot = _Pilot(9.2, 1.0, 1.0)
     for _ in range(200):
         held = pilot.command(inputs, GLIDE, inf, throws=True)
@@ -241,7 +241,9 @@ def test_too_fast_is_trimmed_nose_up_by_a_metre_a_second_at_most(
 
 
 def test_a_pitch_that_stays_away_is_summed_up() -> None:
-    inputs = seen(euler=(0.0, GLIDE.pitch_rad - 0.1, 0.0), north_mps=GLIDE.horizontal_mps - 9.2)
+    inputs = inputs_of(
+        euler=(0.0, GLIDE.pitch_rad - 0.1, 0.0), north_mps=GLIDE.horizontal_mps - 9.2
+    )
     pilot = _Pilot(9.2, 1.0, 1.0)
     for _ in range(200):
         held = pilot.command(inputs, GLIDE, inf, throws=True)
@@ -264,10 +266,10 @@ def test_a_pitch_that_stays_away_is_summed_up() -> None:
 def test_a_doublet_is_thrown_about_where_the_elevator_stood(since_s: float, throw: float) -> None:
     """Of half the usual elevator: 0.1 to each side."""
     pilot = _Pilot(9.2, 0.5, 0.25)
-    low = seen(euler=(0.0, GLIDE.pitch_rad - 0.1, 0.0), north_mps=GLIDE.horizontal_mps - 9.2)
+    low = inputs_of(euler=(0.0, GLIDE.pitch_rad - 0.1, 0.0), north_mps=GLIDE.horizontal_mps - 9.2)
     stood = pilot.command(low, GLIDE, inf, throws=True).elevator
     # Whatever the pitch then is, the elevator is let stand; wings and heading are held.
-    other = seen(euler=(0.1, 0.3, 0.1), rates=(0.0, 2.0, 0.0), north_mps=3.0)
+    other = inputs_of(euler=(0.1, 0.3, 0.1), rates=(0.0, 2.0, 0.0), north_mps=3.0)
     thrown = pilot.command(other, GLIDE, since_s, throws=True)
     assert thrown.elevator == pytest.approx(stood + 0.5 * throw)
     assert thrown.aileron == pytest.approx(-0.25 * 1.2 * 0.1)
@@ -278,7 +280,9 @@ def test_a_doublet_is_thrown_about_where_the_elevator_stood(since_s: float, thro
 
 
 def test_after_a_doublet_pitch_is_held_again() -> None:
-    inputs = seen(euler=(0.0, GLIDE.pitch_rad - 0.1, 0.0), north_mps=GLIDE.horizontal_mps - 9.2)
+    inputs = inputs_of(
+        euler=(0.0, GLIDE.pitch_rad - 0.1, 0.0), north_mps=GLIDE.horizontal_mps - 9.2
+    )
     assert command(inputs, since_s=2.19).elevator == 0.0  # nothing stood yet
     assert command(inputs, since_s=2.21).elevator == pytest.approx(
         GLIDE.elevator + 0.5 * 0.1 * 1.505

@@ -39,10 +39,10 @@ def limits(wire: str) -> tuple[int, int]:
     return (0, unsigned) if wire.startswith("u") else (-(unsigned // 2) - 1, unsigned // 2)
 
 
-def seen_values() -> dict[str, set[Any]]:
+def sent_values() -> dict[str, set[Any]]:
     """By type ("target" apart): all that comes in messages of all kinds."""
     random = Random(5)
-    seen: dict[str, set[Any]] = {
+    sent: dict[str, set[Any]] = {
         wire: set() for wire in (*FORMATS, "float", "target", "param_id", "char")
     }
     for name in RECEIVED_NAMES:
@@ -53,43 +53,43 @@ def seen_values() -> dict[str, set[Any]]:
                 key = "target" if field.startswith("target") else wire
                 key = "param_id" if field == "param_id" else key
                 value = getattr(message, field)
-                seen[key].update(
+                sent[key].update(
                     struct.pack("<d", v) if wire == "float" else v
                     for v in (value if isinstance(value, list) else [value])
                 )
-    return seen
+    return sent
 
 
 @pytest.fixture(scope="module")
-def seen() -> dict[str, set[Any]]:
-    return seen_values()
+def sent() -> dict[str, set[Any]]:
+    return sent_values()
 
 
 @pytest.mark.parametrize("wire", ["uint8_t", "uint16_t", "int16_t", "uint32_t", "int32_t"])
 def test_whole_numbers_stand_at_both_edges_at_zero_at_one_and_anywhere(
-    seen: dict[str, set[Any]], wire: str
+    sent: dict[str, set[Any]], wire: str
 ) -> None:
     low, high = limits(wire)
-    assert {low, high, 0, 1} <= seen[wire]
-    assert (min(seen[wire]), max(seen[wire])) == (low, high)
-    assert len(seen[wire]) > 50
+    assert {low, high, 0, 1} <= sent[wire]
+    assert (min(sent[wire]), max(sent[wire])) == (low, high)
+    assert len(sent[wire]) > 50
 
 
 @pytest.mark.parametrize("wire", ["int8_t", "uint64_t", "int64_t"])
-def test_rarer_whole_numbers_stand_at_their_edges_too(seen: dict[str, set[Any]], wire: str) -> None:
+def test_rarer_whole_numbers_stand_at_their_edges_too(sent: dict[str, set[Any]], wire: str) -> None:
     low, high = limits(wire)
-    assert {low, high, 0, 1} <= seen[wire]
-    assert (min(seen[wire]), max(seen[wire])) == (low, high)
+    assert {low, high, 0, 1} <= sent[wire]
+    assert (min(sent[wire]), max(sent[wire])) == (low, high)
 
 
 def test_floats_are_those_that_break_arithmetic_and_a_few_that_do_not(
-    seen: dict[str, set[Any]],
+    sent: dict[str, set[Any]],
 ) -> None:
     """No numbers, both infinities, both zeros, near both ends of a float, a subnormal, and two."""
-    floats = [struct.unpack("<d", value)[0] for value in seen["float"]]
+    floats = [struct.unpack("<d", value)[0] for value in sent["float"]]
     assert sum(not isfinite(value) for value in floats) == 3
     assert sum(value != value for value in floats) == 1
-    assert {struct.pack("<d", value) for value in (0.0, -0.0)} <= seen["float"]
+    assert {struct.pack("<d", value) for value in (0.0, -0.0)} <= sent["float"]
     greatest = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
     least_normal = 2.0**-126
     rest = sorted(value for value in floats if isfinite(value) and value != 0.0)
@@ -103,13 +103,13 @@ def test_floats_are_those_that_break_arithmetic_and_a_few_that_do_not(
 
 
 def test_targets_are_everybody_the_autopilot_the_module_and_a_stranger(
-    seen: dict[str, set[Any]],
+    sent: dict[str, set[Any]],
 ) -> None:
-    assert seen["target"] == {0, 1, 191, 255}
+    assert sent["target"] == {0, 1, 191, 255}
 
 
-def test_names_of_parameters_are_real_ones_none_and_no_text(seen: dict[str, set[Any]]) -> None:
-    raw = seen["param_id"]
+def test_names_of_parameters_are_real_ones_none_and_no_text(sent: dict[str, set[Any]]) -> None:
+    raw = sent["param_id"]
     assert {"OP_ENGAGE", "TGL_X", "TGL_LEAN", "RC_OVERRIDE_TIM", ""} <= {
         value if isinstance(value, str) else value.split(b"\0")[0].decode("ascii", "replace")
         for value in raw
@@ -260,16 +260,16 @@ def test_the_autopilot_itself_sends_only_measurements_that_are_no_numbers() -> N
     assert all(header(frame)[1] == 1 for frame in found)
     messages = [parsed(frame) for frame in found]
     assert {message.get_type().lower() for message in messages} == MEASURED
-    seen = set()
+    sent = set()
     for message in messages:
         for field, wire in zip(message.fieldnames, message.fieldtypes, strict=True):
             value = getattr(message, field)
             if wire == "float" and not isinstance(value, list):
                 assert not isfinite(value), (message.get_type(), field)
-                seen.add(str(value))
+                sent.add(str(value))
             if field.startswith("time_"):
                 assert value == 0
-    assert seen == {"nan", "inf", "-inf"}
+    assert sent == {"nan", "inf", "-inf"}
 
 
 def test_an_operator_sets_parameters_to_what_none_can_be() -> None:

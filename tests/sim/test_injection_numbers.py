@@ -203,18 +203,18 @@ def imu(sequence: int = 1) -> ImuSample:
     )
 
 
-def told(text: str, sample: Any, now_s: float = 0.0) -> Any:
+def injected(text: str, sample: Any, now_s: float = 0.0) -> Any:
     of = text.partition(".")[0]
     return Injection(parse_faults([text])).sample(of, now_s, sample)
 
 
 def test_a_biased_position_is_off_on_each_axis() -> None:
-    found = told("position.bias start=0 for=1 north=1 east=2 down=3", fix(1))
+    found = injected("position.bias start=0 for=1 north=1 east=2 down=3", fix(1))
     assert found == fix(1)._replace(north_m=11.0, east_m=22.0, down_m=33.0)
 
 
 def test_a_biased_attitude_is_turned_about_its_own_axes() -> None:
-    found = told("attitude.bias start=0 for=1 roll=10 pitch=20 heading=30", attitude())
+    found = injected("attitude.bias start=0 for=1 roll=10 pitch=20 heading=30", attitude())
     by = Rotation.from_euler("ZYX", [30.0, 20.0, 10.0], degrees=True)
     expected = Rotation.from_rotvec((0.3, -0.2, 0.1)) * by
     turned = Rotation.from_quat([found.qx, found.qy, found.qz, found.qw])
@@ -223,15 +223,15 @@ def test_a_biased_attitude_is_turned_about_its_own_axes() -> None:
 
 
 def test_biased_accelerations_are_off_on_each_axis_and_rates_are_not() -> None:
-    found = told("imu.bias start=0 for=1 x=0.5 y=-0.5 z=0.25", imu())
+    found = injected("imu.bias start=0 for=1 x=0.5 y=-0.5 z=0.25", imu())
     assert found[2:] == (1.5, 1.5, 3.25, 4.0, 5.0, 6.0)
 
 
 @pytest.mark.parametrize(("by", "reads"), [(1.5, 6.5), (-2.0, 3.0), (-6.0, 0.0)])
 def test_a_biased_speed_or_distance_is_not_below_0(by: float, reads: float) -> None:
-    speed = told(f"airspeed.bias start=0 for=1 ahead={by}", AirspeedSample(1, 0.0, 5.0))
+    speed = injected(f"airspeed.bias start=0 for=1 ahead={by}", AirspeedSample(1, 0.0, 5.0))
     assert speed == (1, 0.0, reads)
-    distance = told(f"rangefinder.bias start=0 for=1 away={by}", RangeSample(1, 0.0, 5.0))
+    distance = injected(f"rangefinder.bias start=0 for=1 away={by}", RangeSample(1, 0.0, 5.0))
     assert distance == (1, 0.0, reads)
 
 
@@ -249,16 +249,16 @@ def test_noise_is_of_each_axis_its_own() -> None:
 
 
 def test_where_numbers_are_lost_stamps_source_and_kind_stay() -> None:
-    found = told("position.nan start=0 for=1 share=1", fix(1, 0.25))
+    found = injected("position.nan start=0 for=1 share=1", fix(1, 0.25))
     assert (found.sequence, found.time_s, found.source, found.reckoned) == (1, 0.25, 4, False)
     assert all(isnan(value) for value in (*found[2:8], found.sigma_m))
-    assert told("position.nan start=0 for=1 share=0", fix(1)) == fix(1)
+    assert injected("position.nan start=0 for=1 share=0", fix(1)) == fix(1)
 
 
 def test_a_dead_reckoned_position_drifts_by_half_the_error_times_the_square_of_the_time() -> None:
     text = "position.reckoned start=10 for=20 north=0.2 east=-0.4 told=5"
     for now_s, says in ((12.0, False), (14.99, False), (15.0, True), (20.0, True)):
-        found = told(text, fix(1), now_s)
+        found = injected(text, fix(1), now_s)
         t = now_s - 10.0
         assert found.north_m - 10.0 == pytest.approx(0.1 * t * t)
         assert found.east_m - 20.0 == pytest.approx(-0.2 * t * t)
@@ -266,8 +266,8 @@ def test_a_dead_reckoned_position_drifts_by_half_the_error_times_the_square_of_t
         assert found.velocity_east_mps - 2.0 == pytest.approx(-0.4 * t)
         assert found.reckoned == says
         assert found.down_m == 30.0
-    assert told(text, fix(1), 9.99) == fix(1)
-    assert told(text, fix(1), 30.0) == fix(1)
+    assert injected(text, fix(1), 9.99) == fix(1)
+    assert injected(text, fix(1), 30.0) == fix(1)
 
 
 def test_what_is_frozen_is_the_first_sample_of_the_time_that_it_lasts() -> None:
@@ -364,8 +364,8 @@ def test_half_a_brake_that_stays_moves_by_half_and_rolls_by_the_difference() -> 
 def test_each_turn_is_told_once() -> None:
     injection = Injection(parse_faults(["link.up start=1 for=1", "link.down start=1 for=2"]))
     first, second = injection.faults
-    told_at = [injection.turns(now) for now in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0)]
-    assert told_at == [
+    reported = [injection.turns(now) for now in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0)]
+    assert reported == [
         [],
         [(first, True), (second, True)],
         [],
@@ -555,5 +555,7 @@ def test_a_link_that_is_down_brings_no_sample_and_one_that_is_up_no_command() ->
 
 
 def test_angles_are_given_in_degrees() -> None:
-    found = told("attitude.bias start=0 for=1 roll=0 heading=90", attitude(turn=(0.0, 0.0, 0.0)))
+    found = injected(
+        "attitude.bias start=0 for=1 roll=0 heading=90", attitude(turn=(0.0, 0.0, 0.0))
+    )
     assert (found.qw, found.qz) == pytest.approx((cos(radians(45)), sin(radians(45))))

@@ -212,7 +212,7 @@ def _steer(fdm: Any, surfaces: SurfaceCommand) -> None:
     fdm["fcs/rudder-pos-norm"] = surfaces.rudder
 
 
-def _seen(fdm: Any) -> tuple[float, ...]:
+def _theirs(fdm: Any) -> tuple[float, ...]:
     """Velocity over the ground [m/s, soaring], angles [rad], body rates [rad/s]."""
     return (
         -fdm["velocities/v-north-fps"] * FOOT_M,
@@ -258,7 +258,7 @@ def _largest_differences(
         for j in range(STEPS_OF_JSBSIM):
             _blow(fdm, wind(time + j * DT_S / STEPS_OF_JSBSIM))
             fdm.run()
-        for i, (a, b, c) in enumerate(zip(_ours(state), _seen(fdm), start, strict=True)):
+        for i, (a, b, c) in enumerate(zip(_ours(state), _theirs(fdm), start, strict=True)):
             differences[i] = max(differences[i], abs(a - b))
             excursions[i] = max(excursions[i], abs(a - c))
     return differences, excursions

@@ -232,12 +232,12 @@ def test_the_bodies_that_are_streamed_are_listed(
     assert ran.exit_code == 0, ran.output
     assert f"NatNet {version[0]}.{version[1]}" in ran.output
     assert ("multicast" if multicast else "unicast") + ": 3 rigid bodies" in ran.output
-    number, _, tracked, rate, age, seen, place = row_of(ran.output, "aircraft")
+    number, _, tracked, rate, age, last, place = row_of(ran.output, "aircraft")
     assert number == "1"
     assert tracked.startswith("no")
     assert rate.endswith(" Hz")
     assert age.endswith(" ms")
-    assert seen == "now"
+    assert last == "now"
     assert place == "1.000, 1.500, 2.000 m"
     assert row_of(ran.output, "other 1")[2] == "yes"
 

@@ -147,10 +147,10 @@ def test_who_the_server_is_and_where_it_streams_is_said() -> None:
     motive = motive_with(multicast=True, group="239.1.2.3", data_port=1600)
     motive.receive(request(CONNECT), CLIENT, CLOCK_S, 0.0)
     (info,) = motive.take_datagrams()
-    said = struct.unpack("<256s4B4BQHB4B", info.data[4:])
-    assert said[0].rstrip(b"\0") == b"Motive"
-    assert said[9:11] == (round(TICKS_HZ), 1600)
-    assert said[11:] == (1, 239, 1, 2, 3)
+    fields = struct.unpack("<256s4B4BQHB4B", info.data[4:])
+    assert fields[0].rstrip(b"\0") == b"Motive"
+    assert fields[9:11] == (round(TICKS_HZ), 1600)
+    assert fields[11:] == (1, 239, 1, 2, 3)
     # What a new installation of Motive has.
     usual = MotiveOptions()
     assert (usual.group, usual.data_port, usual.multicast) == ("239.255.42.99", 1511, False)
@@ -384,8 +384,8 @@ def test_a_jump_is_one_and_a_half_metres_along_the_hall() -> None:
 def test_swapped_numbers_are_told_of_when_they_change_and_change_back() -> None:
     # From 4.0 on `natnet` takes a time stamp of two numbers for the flags behind it.
     frames = streamed(motive_with(HallFault("swap", 0.2, 0.3), version=(3, 1)), 0.5)
-    told = [frame for frame in frames if frame.suffix.tracked_models_changed]
-    assert [exposed_s(frame) for frame in told] == pytest.approx([0.2, 0.3])
+    announced = [frame for frame in frames if frame.suffix.tracked_models_changed]
+    assert [exposed_s(frame) for frame in announced] == pytest.approx([0.2, 0.3])
     other = aircraft_of(frames[0], 2).pos
     for frame in frames:
         swapped = among(frame, 0.2, 0.3)

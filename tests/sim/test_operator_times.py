@@ -217,8 +217,8 @@ def test_a_set_that_is_not_answered_is_sent_twice_a_second_and_for_ten_seconds()
         if any(m.get_type() == "PARAM_SET" for m in wire.step(now)):
             sent_at.append(now)
     assert sent_at == pytest.approx([1.0 + 0.5 * i for i in range(21)], abs=0.11)
-    said = r"PARAM_SET TGL_X = 0\.25 was not confirmed within 10 s; the module says: no"
-    with pytest.raises(OperatorError, match=said):
+    error = r"PARAM_SET TGL_X = 0\.25 was not confirmed within 10 s; the module says: no"
+    with pytest.raises(OperatorError, match=error):
         wire.step(11.1)
 
 

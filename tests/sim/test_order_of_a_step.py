@@ -166,13 +166,13 @@ def test_turbulence_and_roll_gust_go_on_whether_the_aircraft_flies_or_not() -> N
         made = begun(0.05)
         assert made.now.gust_mps != (0.0, 0.0, 0.0)
         made.held = held
-        seen = []
+        observed = []
         for _ in range(5):
             made.step(SurfaceCommand(made.trim.elevator, 0.0, 0.0))
-            seen.append((made.now.gust_mps, made.now.roll_gust_radps))
-        gusts.append(seen)
-        assert len({gust for gust, _ in seen}) == 5
-        assert len({roll for _, roll in seen}) == 5
+            observed.append((made.now.gust_mps, made.now.roll_gust_radps))
+        gusts.append(observed)
+        assert len({gust for gust, _ in observed}) == 5
+        assert len({roll for _, roll in observed}) == 5
         at, gust = made.state, made.now.gust_mps
         field = made.field.wind_at(at.x_m, at.y_m, at.z_m, made.time_s)
         assert made.wind == pytest.approx([f + g for f, g in zip(field, gust, strict=True)])

@@ -44,16 +44,16 @@ LEVEL = override(1500, 1500)
 
 
 def steps(simulation: Simulation, n: int, *, overridden: bool = False) -> list[str]:
-    said = []
+    events = []
     for _ in range(n):
         if overridden:
             simulation.receive(COMPANION, LEVEL)
         simulation.step()
-        said += simulation.take_events()
-    return said
+        events += simulation.take_events()
+    return events
 
 
-def heard(simulation: Simulation, link: int) -> list[Any]:
+def received(simulation: Simulation, link: int) -> list[Any]:
     return [
         frame.message
         for to, data in simulation.take_datagrams()
@@ -119,7 +119,9 @@ def test_time_that_is_passed_over_is_on_every_clock_but_not_flown(tmp_path: Path
     assert simulation.time_s == pytest.approx(0.1)
     assert simulation.pixhawk.boot_ms == 1850
     assert logged(tmp_path / "truth.npz")["time_s"][-1] == pytest.approx(1.85)
-    boots = [m.time_boot_ms for m in heard(simulation, COMPANION) if m.get_type() == "SYSTEM_TIME"]
+    boots = [
+        m.time_boot_ms for m in received(simulation, COMPANION) if m.get_type() == "SYSTEM_TIME"
+    ]
     assert max(boots) > 3_601_700  # of the duplicate, which has been running for an hour longer
 
 
@@ -152,7 +154,7 @@ def test_truth_goes_to_stations_alone_five_times_a_second() -> None:
 def test_truth_may_be_left_out() -> None:
     simulation = simulated(truth=False)
     steps(simulation, 200)
-    kinds = {message.get_type() for message in heard(simulation, STATION)}
+    kinds = {message.get_type() for message in received(simulation, STATION)}
     assert "ATTITUDE" in kinds
     assert "NAMED_VALUE_FLOAT" not in kinds
 
@@ -254,8 +256,8 @@ def test_what_is_lost_lies_for_ten_seconds_and_is_held_armed_and_in_manual_again
     assert (simulation.crashes, simulation.flying) == (1, False)
     simulation.pixhawk.arm(False, force=True)
     assert steps(simulation, 1999) == []  # 200 a second
-    said = steps(simulation, 2)
-    assert "carried back and held at the start again" in said
+    events = steps(simulation, 2)
+    assert "carried back and held at the start again" in events
     assert world.held
     assert world.crashed == ""
     assert SITE.start is not None
@@ -287,10 +289,10 @@ def test_a_motor_runs_only_when_armed() -> None:
 
 def test_a_fault_is_announced_as_it_begins_and_as_it_is_over() -> None:
     simulation = simulated("position.dropout start=0.1 for=0.2")
-    said = [(i, text) for i in range(100) for text in steps(simulation, 1)]
-    assert [text.partition(":")[0] for _, text in said] == ["fault begins", "fault is over"]
-    assert "position.dropout" in said[0][1]
-    assert [i for i, _ in said] == pytest.approx([20, 60], abs=1)
+    events = [(i, text) for i in range(100) for text in steps(simulation, 1)]
+    assert [text.partition(":")[0] for _, text in events] == ["fault begins", "fault is over"]
+    assert "position.dropout" in events[0][1]
+    assert [i for i, _ in events] == pytest.approx([20, 60], abs=1)
 
 
 def test_a_reboot_is_the_autopilots_silence_and_a_new_clock() -> None:
@@ -318,29 +320,29 @@ def test_a_duplicate_has_run_for_an_hour_longer_and_is_heard_while_its_fault_act
     simulation = simulated("autopilot.second start=0.5 for=0.5")
     request = mavlink.MAVLink_command_long_message(1, 1, 511, 0, 31, 5000.0, 0, 0, 0, 0, 0)
     simulation.receive(COMPANION, bytes(request.pack(mavlink.MAVLink(None, 1, 191))))
-    seen: list[tuple[int, bool]] = []
+    stamped: list[tuple[int, bool]] = []
     beats: list[tuple[int, Any]] = []
     for i in range(300):
         steps(simulation, 1)
-        messages = heard(simulation, COMPANION)
+        messages = received(simulation, COMPANION)
         stamps = [m.time_boot_ms for m in messages if m.get_type() == "ATTITUDE_QUATERNION"]
-        seen += [(i, stamp >= 3_600_000) for stamp in stamps]
+        stamped += [(i, stamp >= 3_600_000) for stamp in stamps]
         beats += [(i, m) for m in messages if m.get_type() == "HEARTBEAT"]
-    acts = [i for i, is_late in seen if is_late]
+    acts = [i for i, is_late in stamped if is_late]
     assert acts == list(range(acts[0], acts[-1] + 1))
     assert (acts[0], acts[-1]) == pytest.approx((99, 198), abs=2)
-    assert len([i for i, is_late in seen if not is_late]) > 290
+    assert len([i for i, is_late in stamped if not is_late]) > 290
     assert any(98 <= i <= 101 for i, _ in beats)  # it announces itself
     late = simulated("autopilot.second start=0.5 for=0.5")
     late.remove_link(COMPANION)
     steps(late, 150)
-    assert heard(late, COMPANION) == []
+    assert received(late, COMPANION) == []
 
 
 def test_a_duplicate_speaks_to_companions_alone() -> None:
     simulation = simulated("autopilot.second start=0 for=99")
     steps(simulation, 100)
-    stamps = [m.time_boot_ms for m in heard(simulation, STATION) if m.get_type() == "ATTITUDE"]
+    stamps = [m.time_boot_ms for m in received(simulation, STATION) if m.get_type() == "ATTITUDE"]
     assert stamps
     assert max(stamps) < 3_600_000
 

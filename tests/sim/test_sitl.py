@@ -306,6 +306,6 @@ def test_a_search_finds_a_place_from_where_no_line_holds_and_a_line_follows(tmp_
     assert score.crossing_m <= 0.10
     start = flight.truth["x_m"][0], flight.truth["z_m"][0]
     assert start == pytest.approx((-0.35, 1.70), abs=0.02)
-    said = (tmp_path / "module.log").read_text()
-    assert "searching: searches for a place to soar" in said
-    assert "soaring: a place to soar is found" in said
+    log = (tmp_path / "module.log").read_text()
+    assert "searching: searches for a place to soar" in log
+    assert "soaring: a place to soar is found" in log

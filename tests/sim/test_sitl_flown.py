@@ -42,7 +42,7 @@ class Script:
     def __init__(self, arrives: list[tuple[tuple[str, int], str] | None]) -> None:
         self.arrives = arrives
         self.looks = 0
-        self.heard: list[str] = []
+        self.received: list[str] = []
         self.steps: list[float] = []
         self.sent: list[tuple[bytes, tuple[str, int]]] = []
         self.killed: list[tuple[str, float]] = []
@@ -73,7 +73,7 @@ class Script:
 
     def receive(self, data: bytes) -> bool:
         words = data.decode()
-        self.heard.append(words)
+        self.received.append(words)
         if words == "noise":
             return False
         self.telemetry.time_s = float(words)
@@ -106,7 +106,7 @@ def test_who_speaks_first_and_is_understood_is_the_bridge(
     arrives = [(STRANGER, "noise"), (BRIDGE, "1"), (STRANGER, "9"), (BRIDGE, "2"), None]
     script = Script([*arrives])
     assert operated(script, monkeypatch, options(tmp_path)) is None
-    assert script.heard == ["noise", "1", "2"]
+    assert script.received == ["noise", "1", "2"]
     assert script.checks == 5
     assert not script.killed
     assert {to for _, to in script.sent} == {BRIDGE}
@@ -301,19 +301,19 @@ def flight_of(
     bridge_says: str = "",
 ) -> tuple[SitlFlight, Operator]:
     """A flight whose truth is that the aircraft stands at x 0.5, z 1.2 m for 60 s."""
-    seen: list[Operator] = []
+    operators: list[Operator] = []
 
     def flown(_options: object, truth: Path, operator: Operator, *_: object) -> float | None:
         operator.flown = legs(operator)
         operator.hiccups = ["first", "second"] if bridge_says else []
-        seen.append(operator)
+        operators.append(operator)
         rows = [f"{0.1 * i:.1f},0.5,1.2,0,0" for i in range(601)]
         truth.write_text("\n".join(["time_s,x_m,z_m,y_m,roll_rad", *rows]) + "\n")
         (chosen.out / "bridge.log").write_text(bridge_says)
         return killed_s
 
     monkeypatch.setattr(sitl, "_fly", flown)
-    return fly(chosen, lambda _: None), seen[0]
+    return fly(chosen, lambda _: None), operators[0]
 
 
 def stood(operator: Operator, place: int, **changes: Any) -> FlownLeg:

@@ -55,15 +55,15 @@ def hosted(
 ) -> tuple[Recorded, list[str], list[float]]:
     """What was started, which addresses were told, and the naps."""
     naps: list[float] = []
-    told: list[str] = []
+    addresses: list[str] = []
     Recorded.made = []
     monkeypatch.setattr(sitl_page, "SitlProcesses", Recorded)
     monkeypatch.setattr(sitl_page, "time", SimpleNamespace(sleep=naps.append))
     chosen = {"airframe": AIRFRAME, "site": SITE, "out": out, "realtime": True, **changes}
     with pytest.raises(SitlError, match="the page ended"):
-        sitl_page.host(SitlOptions(**chosen), 8765, told.append)
+        sitl_page.host(SitlOptions(**chosen), 8765, addresses.append)
     (processes,) = Recorded.made
-    return processes, told, naps
+    return processes, addresses, naps
 
 
 def value(command: list[str], option: str) -> str:
@@ -100,8 +100,8 @@ def test_a_hall_streams_to_the_module(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_the_address_is_told_once_and_all_are_ended_with_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    processes, told, naps = hosted(tmp_path, monkeypatch)
-    assert told == ["http://127.0.0.1:8/"]
+    processes, addresses, naps = hosted(tmp_path, monkeypatch)
+    assert addresses == ["http://127.0.0.1:8/"]
     assert processes.checks == 4
     assert naps == [0.2] * 3
     assert processes.stopped == 1

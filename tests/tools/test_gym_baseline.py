@@ -57,8 +57,8 @@ def test_a_linear_policy_is_its_matrix() -> None:
     weights = np.zeros(size + 1)
     weights[0], weights[1] = 0.1, 0.5  # b, and of the first number
     policy = gym_baseline.linear(weights, 1, np.full(size, 2.0), np.full(size, 4.0))
-    seen = np.full(size, 6.0)
-    assert policy(seen) == pytest.approx(np.tanh([0.1 + 0.5 * 1.0]))
+    observation = np.full(size, 6.0)
+    assert policy(observation) == pytest.approx(np.tanh([0.1 + 0.5 * 1.0]))
 
 
 def test_what_ends_early_is_counted_with_its_cause() -> None:

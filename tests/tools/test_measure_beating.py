@@ -113,9 +113,9 @@ PARTS = {"flight.ulg": (30.0, 200.0), "flight_part2.ulg": (200.0, ENDS_S)}
 class Process:
     """Takes the place of `sitl.fly`: a flight as above, and the module's log of it."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, said: str = "") -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, log: str = "") -> None:
         self.asked: list[SitlOptions] = []
-        self.said = said
+        self.log = log
         monkeypatch.setattr(measure_beating, "fly", self.fly)
         monkeypatch.setattr(measure_beating, "read_log", self.read)
 
@@ -125,7 +125,7 @@ class Process:
         folder.mkdir(parents=True)
         for name in PARTS:
             (folder / name).touch()
-        (options.out / "module.log").write_text(self.said)
+        (options.out / "module.log").write_text(self.log)
         return SimpleNamespace(truth=truth())
 
     def read(self, path: Path) -> Any:

@@ -18,7 +18,7 @@ from measure_landings import (
     main,
     mission_text,
     outcome,
-    said,
+    reported,
     words,
 )
 
@@ -107,10 +107,10 @@ def test_what_the_module_said_of_it() -> None:
         "tgl_soar: released: autopilot mode changed\n"
         "tgl_soar: the autopilot lands: item 2 of its mission\n"
     )
-    assert said(log) == "the autopilot lands: item 2 of its mission; autopilot mode changed"
-    assert said("tgl_soar: ready\n") == "–"
+    assert reported(log) == "the autopilot lands: item 2 of its mission; autopilot mode changed"
+    assert reported("tgl_soar: ready\n") == "–"
     refused = "tgl_soar: LND_BY 1: its mission has no landing: we land\nreleased: on the ground\n"
-    assert said(refused) == "LND_BY 1: its mission has no landing: we land; on the ground"
+    assert reported(refused) == "LND_BY 1: its mission has no landing: we land; on the ground"
 
 
 def test_the_command_prints_a_row_a_flight(

@@ -9,7 +9,7 @@ from typing import Any
 import measure_margin
 import numpy as np
 import pytest
-from measure_margin import MARGINS, Looks, flown, report, told
+from measure_margin import MARGINS, Looks, flown, information, report
 
 from tgl_soar.analysis.rare.soaring_process import SHOWN, Outlook
 from tgl_soar.sim.flight import CRASHED, FLIES
@@ -22,11 +22,11 @@ def test_what_is_sorted_by_the_truth_tells_all_and_what_is_not_nothing() -> None
     lost[::100] = 1.0
     everything = log(100.0) - 99.0 * log(0.99)
     # Classes by rank: one of them may have both kinds.
-    assert 0.85 * everything < told(lost, 1.0 - lost) <= everything + 1e-9
+    assert 0.85 * everything < information(lost, 1.0 - lost) <= everything + 1e-9
     nothing = np.random.default_rng(1).standard_normal(len(lost))
-    assert 0.0 < told(lost, nothing) < 0.02
+    assert 0.0 < information(lost, nothing) < 0.02
     half = np.where(np.random.default_rng(2).random(len(lost)) < 0.5, 1.0 - lost, 1.0)
-    assert told(lost, nothing) < told(lost, half) < told(lost, 1.0 - lost)
+    assert information(lost, nothing) < information(lost, half) < information(lost, 1.0 - lost)
 
 
 def test_each_margin_is_of_its_own_outlook() -> None:

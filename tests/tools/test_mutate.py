@@ -189,14 +189,14 @@ def test_a_test_file_that_speaks_of_it_is_nearer(project: Path) -> None:
     law = Path("src/tgl_soar/law.py")
     imports = Imports(project)
 
-    def told(*names: str) -> list[str]:
+    def order_of(*names: str) -> list[str]:
         stems = [path.stem for path in imports.tests_of(law, names)]
         assert stems[0] == "test_law"
         return [stem for stem in stems if stem in ("test_far", "test_near", "test_other")]
 
-    assert told() == ["test_other", "test_near", "test_far"]
-    assert told("LIMITS", "limited") == ["test_near", "test_other", "test_far"]
-    assert told("MOST", "limited") == ["test_far", "test_near", "test_other"]
+    assert order_of() == ["test_other", "test_near", "test_far"]
+    assert order_of("LIMITS", "limited") == ["test_near", "test_other", "test_far"]
+    assert order_of("MOST", "limited") == ["test_far", "test_near", "test_other"]
 
 
 def test_flights_come_after_what_is_nearest_and_before_the_rest(project: Path) -> None:
@@ -208,9 +208,9 @@ def test_flights_come_after_what_is_nearest_and_before_the_rest(project: Path) -
         "tests/test_further.py": "import tgl_soar.law\n",
     }.items():
         (project / name).write_text(text, encoding="utf-8")
-    told = [path.stem for path in Imports(project).tests_of(Path("src/tgl_soar/law.py"), ["MOST"])]
+    order = [path.stem for path in Imports(project).tests_of(Path("src/tgl_soar/law.py"), ["MOST"])]
     those = ("test_law", "test_nearest", "test_kept_flights", "test_further")
-    assert [stem for stem in told if stem in those] == list(those)
+    assert [stem for stem in order if stem in those] == list(those)
 
 
 def test_what_takes_long_comes_last_and_nothing_is_compiled(tmp_path: Path) -> None:

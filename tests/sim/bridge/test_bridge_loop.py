@@ -367,7 +367,7 @@ def test_a_flight_that_is_over_ends_with_0_and_its_summary(
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "printed"),
     [
         (ConfigError("no file"), "no file"),
         (PortError("no port"), "no port"),
@@ -379,11 +379,11 @@ def test_a_flight_that_is_over_ends_with_0_and_its_summary(
     ],
 )
 def test_a_wrong_set_up_ends_with_2(
-    program: Program, capsys: pytest.CaptureFixture[str], error: Exception, said: str
+    program: Program, capsys: pytest.CaptureFixture[str], error: Exception, printed: str
 ) -> None:
     program.opens = error
     assert process.main(WORDS) == 2
-    assert capsys.readouterr() == ("", f"sitl_bridge: {said}\n")
+    assert capsys.readouterr() == ("", f"sitl_bridge: {printed}\n")
     assert program.did == []
 
 
@@ -408,7 +408,7 @@ def test_a_file_that_cannot_be_written_is_named_with_its_option(
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "said"),
+    ("error", "code", "printed"),
     [
         (BridgeError("nobody came"), 3, "nobody came"),
         (FirmwareError("it has gone"), 3, "it has gone"),
@@ -416,11 +416,11 @@ def test_a_file_that_cannot_be_written_is_named_with_its_option(
     ],
 )
 def test_a_flight_that_breaks_off_says_why_and_is_summed_up(
-    program: Program, capsys: pytest.CaptureFixture[str], error: Exception, code: int, said: str
+    program: Program, capsys: pytest.CaptureFixture[str], error: Exception, code: int, printed: str
 ) -> None:
     program.runs = error
     assert process.main(WORDS) == code
-    assert capsys.readouterr() == ("the summary\n", f"sitl_bridge: {said}\n")
+    assert capsys.readouterr() == ("the summary\n", f"sitl_bridge: {printed}\n")
     assert program.did == ["run", "close"]
 
 

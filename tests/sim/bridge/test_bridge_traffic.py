@@ -179,12 +179,12 @@ def test_of_those_who_speak_first_twenty_are_named_and_sixteen_kept(
         stranger.sendto(b"x", bridge.ports.ground.local)
         address = stranger.getsockname()
         assert bridge.traffic.take_one(bridge.ports.ground)
-        said = capsys.readouterr().out
+        printed = capsys.readouterr().out
         if len(bridge.simulated.links) <= 2 + 20:
             line = f"[   12.346 s] the ground station at 127.0.0.1:{address[1]} spoke first\n"
-            assert said == line
+            assert printed == line
         else:
-            assert said == ""
+            assert printed == ""
     for stranger in strangers:
         stranger.close()
     assert len(forgotten) == 22 - 16

@@ -119,8 +119,8 @@ def gathered(patched: pytest.MonkeyPatch, *links: int, ground: bool = False, **p
     world = World(patched, *links, ground=ground, **pace)
     world.beats = dict.fromkeys(links, 1)
     world.lockstep.gather()
-    for seen in (world.asked, world.flushed, world.paced, world.announced, world.reports):
-        seen.clear()
+    for noted in (world.asked, world.flushed, world.paced, world.announced, world.reports):
+        noted.clear()
     return world
 
 
@@ -377,8 +377,8 @@ def missing(patched: pytest.MonkeyPatch, *links: int, lost: int) -> World:
     world.answers = {lost: 10_000}
     world.lockstep.meet_companions()
     world.lockstep.meet_stations()
-    for seen in (world.asked, world.reports, world.flushed):
-        seen.clear()
+    for noted in (world.asked, world.reports, world.flushed):
+        noted.clear()
     assert world.lockstep.is_somebody_missing
     return world
 

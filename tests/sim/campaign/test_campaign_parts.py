@@ -241,19 +241,21 @@ class Shares(InLine):
             yield shard, [fly(job) for job in shard.jobs]
 
 
-@pytest.mark.parametrize("shares", [True, False])
-def test_the_first_is_flown_here_where_others_share_what_it_loads(shares: bool) -> None:
-    executor, kept = Shares(shares_memory=shares), InMemory(9)
+@pytest.mark.parametrize("in_one_process", [True, False])
+def test_the_first_is_flown_here_where_others_share_what_it_loads(in_one_process: bool) -> None:
+    executor, kept = Shares(shares_memory=in_one_process), InMemory(9)
     kept.put(0, [None])
-    told: list[Progress] = []
+    reported: list[Progress] = []
     run(
         *(fly_cheaply, cheap_jobs(9), executor, kept),
         size=3,
         first_here=True,
-        on_progress=told.append,
+        on_progress=reported.append,
     )
-    assert executor.sizes == ([3, 3, 1] if shares else [3, 3, 2])
-    assert [each.flown for each in told] == ([1, 2, 5, 8, 9] if shares else [1, 4, 7, 9])
+    assert executor.sizes == ([3, 3, 1] if in_one_process else [3, 3, 2])
+    assert [each.flown for each in reported] == (
+        [1, 2, 5, 8, 9] if in_one_process else [1, 4, 7, 9]
+    )
     assert kept.results()[1:] == [fly_cheaply(job) for job in cheap_jobs(9)][1:]
 
 
@@ -282,16 +284,16 @@ def test_the_rate_is_of_this_run_alone() -> None:
     kept = InMemory(10)
     kept.put(0, [None] * 4)
     times = iter([5.0, 5.0, 7.0, 9.0])
-    told: list[Progress] = []
+    reported: list[Progress] = []
     run(
         *(fly_cheaply, cheap_jobs(10), InLine(), kept),
         size=3,
-        on_progress=told.append,
+        on_progress=reported.append,
         clock=lambda: next(times),
     )
-    assert told[0] == Progress(flown=4, of=10, per_s=0.0, left_s=float("inf"))
-    assert told[1] == Progress(flown=7, of=10, per_s=1.5, left_s=2.0)
-    assert told[2] == Progress(flown=10, of=10, per_s=1.5, left_s=0.0)
+    assert reported[0] == Progress(flown=4, of=10, per_s=0.0, left_s=float("inf"))
+    assert reported[1] == Progress(flown=7, of=10, per_s=1.5, left_s=2.0)
+    assert reported[2] == Progress(flown=10, of=10, per_s=1.5, left_s=0.0)
 
 
 def test_ctrl_c_acts_at_the_end_and_as_before_after_it() -> None:

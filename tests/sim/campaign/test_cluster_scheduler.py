@@ -144,8 +144,10 @@ def test_who_does_not_answer_is_named_with_what_to_do(
     scheduler: Scheduler, error: Exception, why: str
 ) -> None:
     scheduler.error = error
-    said = f"{ADDRESS}: no scheduler answers: {why}; nothing has"
-    with pytest.raises(ClusterError, match=f"{said} been flown; start one with `dask scheduler`"):
+    refusal = f"{ADDRESS}: no scheduler answers: {why}; nothing has"
+    with pytest.raises(
+        ClusterError, match=f"{refusal} been flown; start one with `dask scheduler`"
+    ):
         DaskCluster(ADDRESS)
 
 

@@ -148,9 +148,11 @@ def test_a_table_that_cannot_be_written_leaves_nothing_of_itself(
         folder.fly(InLine())
         with monkeypatch.context() as context:
             context.setattr(parquet, "ParquetWriter", Full)
-            with pytest.raises(JournalError, match="No space left") as told:
+            with pytest.raises(JournalError, match="No space left") as refused:
                 folder.finish()
-    assert f"all {COUNT} flights are kept: mend that, then go on with --resume" in str(told.value)
+    assert f"all {COUNT} flights are kept: mend that, then go on with --resume" in str(
+        refused.value
+    )
     assert {path.name for path in tmp_path.iterdir()} == {JOURNAL, MANIFEST}
     with CampaignFolder(tmp_path, cheap_campaign(COUNT), resume=True) as folder:
         assert folder.flown == COUNT

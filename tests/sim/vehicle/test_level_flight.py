@@ -24,9 +24,9 @@ def attitude(
 
 
 def step(
-    sticks: SurfaceCommand, seen: AttitudeSample, dt_s: float = 0.0
+    sticks: SurfaceCommand, sample: AttitudeSample, dt_s: float = 0.0
 ) -> tuple[float, float, float]:
-    return LevelFlight(TRIM_RAD).step(sticks, seen, dt_s)[:3]
+    return LevelFlight(TRIM_RAD).step(sticks, sample, dt_s)[:3]
 
 
 def test_level_at_trim_with_centred_sticks_nothing_moves() -> None:
@@ -34,7 +34,7 @@ def test_level_at_trim_with_centred_sticks_nothing_moves() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sticks", "seen", "deflections"),
+    ("sticks", "sample", "deflections"),
     [
         (CENTRED, attitude(pitch=TRIM_RAD - 0.1), (0.2, 0.0, 0.0)),
         (CENTRED, attitude(roll=0.1), (0.0, -0.12, 0.0)),
@@ -50,9 +50,9 @@ def test_level_at_trim_with_centred_sticks_nothing_moves() -> None:
     ],
 )
 def test_each_part_moves_its_surface(
-    sticks: SurfaceCommand, seen: AttitudeSample, deflections: tuple[float, float, float]
+    sticks: SurfaceCommand, sample: AttitudeSample, deflections: tuple[float, float, float]
 ) -> None:
-    assert step(sticks, seen) == pytest.approx(deflections, abs=1e-9)
+    assert step(sticks, sample) == pytest.approx(deflections, abs=1e-9)
 
 
 def test_an_error_of_pitch_is_integrated_to_four_fifths() -> None:

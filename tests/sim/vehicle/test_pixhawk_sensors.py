@@ -259,21 +259,21 @@ def test_after_a_boot_nothing_is_told_that_was_measured_before() -> None:
     pixhawk.boot()
     assert not pixhawk.external.is_in_use()
     pixhawk.take_datagrams()
-    told: dict[str, list[float]] = {name: [] for name in STAMPED}
+    times_s: dict[str, list[float]] = {name: [] for name in STAMPED}
     for step in range(401, 451):
         for number in STAMPED.values():
             wire.says(mavlink.MAVLink_command_long_message(1, 1, 512, 0, number, *[0] * 6))
         pixhawk.step(late(step))
         for _, data in pixhawk.take_datagrams():
             for m in wire.reader.parse_buffer(data) or []:
-                if m.get_type() in told:
+                if m.get_type() in times_s:
                     stamp = m.to_dict()
-                    told[m.get_type()].append(
+                    times_s[m.get_type()].append(
                         stamp["time_boot_ms"]
                         if "time_boot_ms" in stamp
                         else stamp["time_usec"] / 1e3
                     )
-    for name, stamps in told.items():
+    for name, stamps in times_s.items():
         assert 25 <= len(stamps) <= 31, name  # 20 steps must go by, and one to the next request
         assert all(0.0 <= stamp <= 150.0 for stamp in stamps), name
         assert stamps == sorted(stamps)

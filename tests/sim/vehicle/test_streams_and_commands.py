@@ -65,10 +65,10 @@ class Autopilot:
         """What each link hears in so many steps."""
         for _ in range(n):
             self.pixhawk.step(sensed(self.pixhawk.steps + 1, flying=flying))
-        heard: dict[int, list[Any]] = {COMPANION: [], STATION: []}
+        received: dict[int, list[Any]] = {COMPANION: [], STATION: []}
         for link, data in self.pixhawk.take_datagrams():
-            heard[link] += [f.message for f in split_frames(mavlink.MAVLink(None), data)[0]]
-        return heard
+            received[link] += [f.message for f in split_frames(mavlink.MAVLink(None), data)[0]]
+        return received
 
     def counts(self, n: int, link: int) -> dict[str, int]:
         names = [message.get_type() for message in self.steps(n)[link]]
@@ -174,8 +174,8 @@ def test_an_interval_is_in_microseconds_and_comes_from_the_next_step_on(
     autopilot: Autopilot,
 ) -> None:
     assert autopilot.result(511, 30, 50_000.0) == ACCEPTED
-    heard = autopilot.steps(100)[COMPANION]
-    stamps = [m.time_boot_ms for m in heard if m.get_type() == "ATTITUDE"]
+    received = autopilot.steps(100)[COMPANION]
+    stamps = [m.time_boot_ms for m in received if m.get_type() == "ATTITUDE"]
     assert stamps == list(range(10, 510, 50))
 
 
