@@ -116,7 +116,7 @@ def test_a_line_that_is_never_moved_is_a_flight_by_the_module_alone(
         assert column == pytest.approx(flown[name], abs=1e-9), name
 
 
-def test_the_place_is_on_the_contour_and_drawn_anew() -> None:
+def test_the_place_is_on_the_contour_and_drawn_again() -> None:
     env = plain("line")
     places = set()
     for seed in range(4):
@@ -205,7 +205,7 @@ def test_what_ends_in_the_last_tick_of_its_time_is_not_cut_off_as_well() -> None
     assert (info["time_s"], info["ended"]) == (time_s, why)
 
 
-def test_what_is_hit_is_said_with_its_place() -> None:
+def test_what_is_hit_is_reported_with_its_place() -> None:
     env = plain("line")
     env.reset(seed=1)
     inside_the_board = env._rows[env._steps - 1, :4].copy()
@@ -332,7 +332,7 @@ def test_bad_reset_options_are_refused(options: dict[str, Any], says: str) -> No
         plain("line").reset(seed=1, options=options)
 
 
-def test_a_step_before_a_reset_is_said() -> None:
+def test_a_step_before_a_reset_is_reported() -> None:
     with pytest.raises(gymnasium.error.ResetNeeded, match="call reset first"):
         plain("line").step(np.zeros(2))
 

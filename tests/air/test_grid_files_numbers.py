@@ -185,7 +185,7 @@ def test_a_bad_csv_is_refused_with_line_and_place(tmp_path: Path, text: str, say
         read_grid(path)
 
 
-def test_what_is_no_text_is_said(tmp_path: Path) -> None:
+def test_what_is_no_text_is_reported(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_bytes(b"\xff\xfe\x00x")
     with pytest.raises(GridError, match="not UTF-8 text; is it a CSV file"):
         read_grid(tmp_path / "bad.csv")

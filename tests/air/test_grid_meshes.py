@@ -160,7 +160,7 @@ def test_too_many_places_are_refused_with_their_number(
         sampled(mesh, layout, step_m=1.0)
 
 
-def test_a_step_that_meets_nothing_of_the_mesh_is_said(tmp_path: Path) -> None:
+def test_a_step_that_meets_nothing_of_the_mesh_is_reported(tmp_path: Path) -> None:
     """Two cells at either end; a plane through the middle meets none."""
     made = box()
     centres = np.asarray(made.cell_centers().points)

@@ -151,7 +151,7 @@ def test_air_without_friction_slips_along_the_board(slope_deg: float) -> None:
         assert w / u == pytest.approx(tan(radians(slope_deg)), rel=0.06)
 
 
-def test_outside_is_defined_and_said() -> None:
+def test_outside_is_defined_and_reported() -> None:
     field = SlopeJet(9.0, radians(23.0))
     assert field.inside(1.0, 0.0, 1.0)
     assert not field.inside(1.0, 0.0, 0.3)  # in the board

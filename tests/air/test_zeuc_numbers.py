@@ -96,7 +96,7 @@ def test_excess_is_defined_between_the_polars_speeds(u_mps: float, defined: bool
     assert np.isnan(excess_updraft(field, LEVEL, 0.0, 0.0)) != defined
 
 
-def test_the_slope_along_the_line_is_that_of_the_polar_by_the_winds_share() -> None:
+def test_the_slope_along_the_line_is_that_of_the_polar_by_the_winds_fraction() -> None:
     """By small differences of sink(√(u² + v²)) in u alone."""
     h = 1e-5
     for u, v in ((10.0, 0.0), (8.0, 6.0), (8.0, -6.0), (0.5, 10.0)):
@@ -389,7 +389,7 @@ def test_where_there_is_no_contour_the_numbers_say_why() -> None:
         contour(plane(0.0, 1.0), best, bounds, 0.5)
 
 
-def test_an_undefined_place_takes_no_part_in_what_is_said() -> None:
+def test_an_undefined_place_takes_no_part_in_what_is_reported() -> None:
     half = Made(lambda x, _y, _z, _t: np.where(x > 0.5, 9.0, -2.0), reach_m=0.5)
     with pytest.raises(ZeucError, match=r"greatest updraft -1\.00 m/s .* -2\.00 … -2\.00 m/s"):
         contour(half, LEVEL, (-0.5, 1.0, 0.0, 0.5), 0.25)

@@ -136,7 +136,7 @@ def test_what_flew_with_a_brake_is_found(name: str) -> None:
     assert found(True).no_brake == ""
 
 
-def test_without_a_brake_nothing_is_told_of_one() -> None:
+def test_without_a_brake_nothing_is_reported_of_one() -> None:
     assert [each.name for each in found().derivatives] == [*NAMES]
     assert [each.name for each in found(True).derivatives] == [*NAMES, *BRAKE_NAMES]
     assert found().no_brake == "the log holds no brake"

@@ -410,7 +410,7 @@ def test_effect_and_delay_follow_from_what_is_found() -> None:
     assert found[3] == pytest.approx(0.033 + 1.0 / 30.0)
 
 
-def test_explained_is_the_share_of_the_rates_variance_about_each_mean() -> None:
+def test_explained_is_the_fraction_of_the_rates_variance_about_each_mean() -> None:
     def fit(measured: Any, modelled: Any) -> Fit:
         nothing = np.zeros(len(measured))
         return Fit(
@@ -425,7 +425,7 @@ def test_explained_is_the_share_of_the_rates_variance_about_each_mean() -> None:
 # --- the brake ------------------------------------------------------------------------------------
 
 
-def test_what_a_brake_lacks_is_said() -> None:
+def test_what_a_brake_lacks_is_reported() -> None:
     log = flown(brake=True)
     assert log.brake is not None
     lacks = module._brake_lacks

@@ -257,7 +257,7 @@ def test_a_phase_margin_counts_to_both_sides() -> None:
     assert margins_between_tones(lag)[1] == pytest.approx(30.0)
 
 
-def test_the_disk_margin_is_told_only_where_it_is_least_within_the_tones() -> None:
+def test_the_disk_margin_is_reported_only_where_it_is_least_within_the_tones() -> None:
     """By the greatest |S − 1/2|, here at the fourth tone: L = −0.5 there, S = 2."""
     within = through([0.1, 0.1, 0.2, 0.5, 0.2, 0.1], [-180.0] * 6)
     assert margins_between_tones(within)[2] == pytest.approx(1.0 / 1.5, rel=0.01)

@@ -337,7 +337,7 @@ def test_who_turns_by_banking_is_level_where_it_holds_or_recovers(
     assert output.setpoints.roll_rad == 0.0
 
 
-def test_a_line_that_begins_anew_under_power_keeps_the_pitch() -> None:
+def test_a_line_that_begins_again_under_power_keeps_the_pitch() -> None:
     """The propeller's share is in the pitch that is flown, and added to what the line asks for."""
     flight = soaring().fly(0.2)
     flown, wanted = flight.outputs[-1].vehicle.pitch_rad, []
@@ -352,7 +352,7 @@ def test_a_line_that_begins_anew_under_power_keeps_the_pitch() -> None:
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize("in_hand", [False, True])
-def test_loops_begin_anew_in_a_hand_and_in_no_other_tick(
+def test_loops_begin_again_in_a_hand_and_in_no_other_tick(
     monkeypatch: pytest.MonkeyPatch, in_hand: bool
 ) -> None:
     flight = soaring().fly(0.2)

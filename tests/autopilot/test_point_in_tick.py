@@ -90,7 +90,7 @@ def test_a_brake_that_does_not_answer_leaves_the_line_flown() -> None:
 
 
 @pytest.mark.parametrize("name", ["eclipson_c"])
-def test_without_a_brake_it_is_said(name: str) -> None:
+def test_without_a_brake_it_is_reported(name: str) -> None:
     world, values = prepared(name, 0.0)
     loop = ClosedLoop(world, values)  # type: ignore[arg-type]
     loop.change({"TGL_HOLD": 1.0})

@@ -89,7 +89,7 @@ def test_percentiles_and_cyclictest_s_histogram() -> None:
     assert percentile([5, 1, 4, 2, 3], 0.5) == 3
 
 
-def test_without_a_compiler_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_compiler_it_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     c_reference.program.cache_clear()
     with pytest.raises(c_reference.NoCompilerError, match="no C compiler"):

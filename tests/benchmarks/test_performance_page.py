@@ -231,7 +231,7 @@ def test_missed_aims_are_counted_by_part_with_the_worst() -> None:
     assert missed(markdown((Group("On time", [met]),))).endswith("are missed.")
 
 
-def test_what_counts_most_is_said_whether_missed_or_met() -> None:
+def test_what_counts_most_is_reported_whether_missed_or_met() -> None:
     what, beside = HEADLINES[0]
     first = LATE._replace(what=what, reference_what=beside)
     other = first._replace(what=HEADLINES[1][0], value=20.0)

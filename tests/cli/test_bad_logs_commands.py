@@ -79,7 +79,7 @@ def _other_layout(ours: bytes) -> bytes:
         if command != "report" or bad is _cut  # the page of a whole flight takes its time
     ],
 )
-def test_what_is_lost_of_ours_is_said_and_the_rest_is_used(
+def test_what_is_lost_of_ours_is_reported_and_the_rest_is_used(
     ours: bytes, tmp_path: Path, command: str, bad: Callable[[bytes], bytes], words: str
 ) -> None:
     log = tmp_path / "flight.ulg"
@@ -101,7 +101,7 @@ def test_what_is_lost_of_ours_is_said_and_the_rest_is_used(
 
 @pytest.mark.parametrize("command", ["polar", "identify", "info", "csv", "netcdf", "mcap"])
 @pytest.mark.parametrize("jump_s", [-3, 7200])
-def test_a_clock_that_jumps_is_said(tmp_path: Path, command: str, jump_s: int) -> None:
+def test_a_clock_that_jumps_is_reported(tmp_path: Path, command: str, jump_s: int) -> None:
     log = flown.px4_log(tmp_path, jump_us=jump_s * 1_000_000)
     code, output = run(command, log, tmp_path)
     assert code == (2 if command in ("polar", "identify") else 1), output
@@ -117,7 +117,7 @@ def test_the_log_of_another_autopilot_does_not_replay(
     assert "not a log of tgl_soar" in output or "not a ULog" in output
 
 
-def test_bytes_of_a_wire_that_are_no_frame_are_said_and_the_rest_flies(tmp_path: Path) -> None:
+def test_bytes_of_a_wire_that_are_no_frame_are_reported_and_the_rest_flies(tmp_path: Path) -> None:
     wire = flown.tlog(tmp_path)
     wire.write_bytes(wire.read_bytes()[: wire.stat().st_size // 10])
     code, output = run("replay", wire, tmp_path)

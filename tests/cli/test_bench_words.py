@@ -68,7 +68,7 @@ def test_a_fault_or_a_person_who_saw_one_is_an_exit_code(
     assert ("change `reversed` of that surface" in err) == bool(wrong)
 
 
-def test_a_latency_that_was_not_measured_is_told() -> None:
+def test_a_latency_that_was_not_measured_is_reported() -> None:
     assert latency_words((NAN, NAN), PLANE) == (
         "CMD_DELAY 5 ms: not measured, no output was read back in time"
     ).replace("5 ms", f"{1e3 * own_delay_s():.3g} ms")
@@ -117,7 +117,7 @@ def test_outputs_are_asked_for_fifty_times_a_second_and_the_speed_ten() -> None:
         assert (each.target_system, each.target_component) == (1, 1)
 
 
-def test_what_is_said_of_the_latency_is_printed_with_its_brackets(
+def test_what_is_reported_of_the_latency_is_printed_with_its_brackets(
     monkeypatch: pytest.MonkeyPatch, capsys: Out
 ) -> None:
     spoken = nullcontext(SimpleNamespace(command=lambda _message: None))
@@ -397,7 +397,7 @@ def test_a_refusal_or_a_slow_line_is_not_ready(
     assert "not ready" in output
 
 
-def test_a_firmware_without_parameters_is_told(capsys: Out) -> None:
+def test_a_firmware_without_parameters_is_reported(capsys: Out) -> None:
     part = preflight._reported(checked(findings=[], wrong=[]), "", show_all=True)
     assert (part.good, part.doubts) == (True, ("its set-up cannot be read over the link",))
     output = capsys.readouterr().out

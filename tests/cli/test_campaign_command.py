@@ -106,7 +106,7 @@ def test_stopped_and_gone_on_with_it_flies_every_flight_once(
     assert [run["from"] for run in manifest["runs"]] == [0, 17]
 
 
-def test_a_page_that_cannot_be_written_is_said_before_anything_is_flown(
+def test_a_page_that_cannot_be_written_is_reported_before_anything_is_flown(
     command: Command, tmp_path: Path
 ) -> None:
     """Not after hours, by a traceback."""
@@ -121,7 +121,7 @@ def test_a_page_that_cannot_be_written_is_said_before_anything_is_flown(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_timeline_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_a_timeline_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     words = ["campaign", "timeline", "--out", str(tmp_path / "file" / "deeper" / "figure.png")]
     refused = CliRunner().invoke(app, words)
@@ -140,7 +140,7 @@ def test_every_flight_is_a_row(command: Command, tmp_path: Path) -> None:
     assert not (tmp_path / "out" / JOURNAL).exists()
 
 
-def test_a_cluster_that_is_not_there_is_said(command: Command) -> None:
+def test_a_cluster_that_is_not_there_is_reported(command: Command) -> None:
     pytest.importorskip("distributed")
     refused = command("--scheduler", "nonsense://nowhere")
     assert refused.exit_code == 2

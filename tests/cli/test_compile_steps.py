@@ -59,7 +59,7 @@ def test_it_is_made_where_it_is_not_there_or_wanted_again(
      "No space left on device; TGL_SOAR_NATIVE may name another folder to keep native code in"),
 ])  # fmt: skip
 @pytest.mark.usefixtures("base")
-def test_what_hinders_it_is_told(
+def test_what_hinders_it_is_reported(
     error: Exception, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(_say: Any) -> None:

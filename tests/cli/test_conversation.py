@@ -128,7 +128,7 @@ def test_a_heartbeat_goes_out_at_once_and_once_a_second_and_what_belongs_to_it(
     assert beat == Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
 
 
-def test_the_autopilot_is_heard_and_nobody_else(talking: Conversation, line: Line) -> None:
+def test_the_autopilot_is_received_and_nobody_else(talking: Conversation, line: Line) -> None:
     assert talking.autopilot == AUTOPILOT
     others = (Source(SYSTEM, 2), Source(SYSTEM + 1, 1), MODULE, Source(255, 190))
     line.coming = [Encoder(source).encode(OTHER) for source in others]

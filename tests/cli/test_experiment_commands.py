@@ -39,7 +39,7 @@ def test_zeuc_writes_a_map_and_its_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", [["zeuc"], ["experiment", "field", "--quick", "--workers", "0"]])
-def test_where_nothing_can_be_written_it_is_said(words: list[str], tmp_path: Path) -> None:
+def test_where_nothing_can_be_written_it_is_reported(words: list[str], tmp_path: Path) -> None:
     there = tmp_path / "file"
     there.touch()
     refused = run.invoke(app, [*words, "--out", str(there / "deeper" / "map.png")])
@@ -246,7 +246,7 @@ def test_what_does_not_go_together_is_refused(
     assert why in " ".join(refused.stderr.split())
 
 
-def test_a_page_without_marks_is_said_before_anything_is_flown(
+def test_a_page_without_marks_is_reported_before_anything_is_flown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(experiment_command, "run_whole", lambda *_: pytest.fail("it flies"))

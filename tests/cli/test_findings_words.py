@@ -169,7 +169,7 @@ def test_what_is_no_log_or_no_format_is_refused(words: tuple[str, ...], reported
 
 
 @pytest.mark.parametrize("losses", [[], ["12 bytes"]])
-def test_a_log_is_told_topic_by_topic(
+def test_a_log_is_reported_topic_by_topic(
     losses: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.ulg"

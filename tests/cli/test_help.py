@@ -97,7 +97,9 @@ def test_no_option_of_sitl_is_dropped_silently(words: str, reported: str) -> Non
     assert reported in done.output
 
 
-def test_what_is_said_keeps_its_brackets_and_its_paths(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_reported_keeps_its_brackets_and_its_paths(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     text = "no figure: pip install 'tgl_soar[figures]' " + "/long" * 60
     for speak in (say, hint):
         speak(text)

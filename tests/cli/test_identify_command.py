@@ -137,7 +137,7 @@ def test_of_a_log_that_breaks_off_the_glides_are_used_and_the_loss_is_reported(
     assert "manoeuvres found, 4 are needed" in output.replace("\n", " ")
 
 
-def test_mistakes_are_said(glide_log: Path, tmp_path: Path) -> None:
+def test_mistakes_are_reported(glide_log: Path, tmp_path: Path) -> None:
     code, output = run("identify", tmp_path / "none.ulg")
     assert code == 2
     assert "none.ulg" in output

@@ -76,7 +76,7 @@ def test_time_left_as_somebody_says_it_who_waits(seconds: float, words: str) -> 
     assert duration(seconds) == words
 
 
-def test_a_pace_that_is_not_known_is_not_told(capsys: Out) -> None:
+def test_a_pace_that_is_not_known_is_not_reported(capsys: Out) -> None:
     assert pace_words(2.0, 42.0) == "2 a second, 42 s left"
     assert pace_words(2.0, float("inf")) == ""
     now = [0.0]
@@ -333,7 +333,7 @@ def test_a_campaign_is_named_by_its_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("ended", "code"), [("", 0), ("it fell", 1)])
-def test_hours_are_told_part_by_part(
+def test_hours_are_reported_part_by_part(
     ended: str, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []

@@ -23,7 +23,7 @@ from tgl_soar.cli.mavproxy_tgl import USAGE, PromptError, TglModule
         "engage now",
     ],
 )
-def test_the_usage_is_told_for_what_is_no_order(typed: str) -> None:
+def test_the_usage_is_reported_for_what_is_no_order(typed: str) -> None:
     module = TglModule.__new__(TglModule)  # without a vehicle: whoever sends finds nobody
     with pytest.raises(PromptError, match="usage") as refused:
         module._obey(typed.split())

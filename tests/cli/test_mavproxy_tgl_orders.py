@@ -73,7 +73,7 @@ def station(target: int = 0) -> tuple[MavproxyStation, Master]:
 # --- the module as the links show it -----------------------------------------------------------
 
 
-def test_only_the_modules_own_words_are_heard() -> None:
+def test_only_the_modules_own_words_are_received() -> None:
     module, _ = station()
     module.take(message(named("e_rho", 0.5), component=1), 10.0)
     assert (module.values, module.system, module.silence_s(10.0)) == ({}, 0, inf)
@@ -126,7 +126,7 @@ def test_an_answer_to_another_station_is_not_ours(system: int, is_ours: bool) ->
     assert answers == (ours if is_ours else [])
 
 
-def test_what_is_sent_is_for_the_module_of_the_system_that_was_heard() -> None:
+def test_what_is_sent_is_for_the_module_of_the_system_that_was_received() -> None:
     module, master = station()
     module.take(message(beat(), system=7), 10.0)
     module.set("RHO_P", 0.5)
@@ -226,7 +226,7 @@ Out = pytest.CaptureFixture[str]
 
 @pytest.mark.parametrize(("word", "number"), [("engage", 31010), ("release", 31011),
                                               ("abort", 31012)])  # fmt: skip
-def test_a_switch_is_commanded_at_once_and_its_answer_is_told(
+def test_a_switch_is_commanded_at_once_and_its_answer_is_reported(
     clock: Made, capsys: Out, word: str, number: int
 ) -> None:
     prompt = clock().known()
@@ -247,7 +247,7 @@ def test_what_is_not_answered_is_repeated_by_idle_turns(clock: Made) -> None:
 
 
 @pytest.mark.parametrize("line", ["engage", "move 1 2", "lean 10", "preset 1"])
-def test_without_a_module_nothing_is_sent_and_the_way_out_is_told(
+def test_without_a_module_nothing_is_sent_and_the_way_out_is_reported(
     clock: Made, capsys: Out, line: str
 ) -> None:
     prompt = clock()
@@ -300,7 +300,7 @@ def test_a_lean_leaves_the_point(clock: Made) -> None:
     ("site a b", "usage: tgl move"),
     ("component 1 2", "usage: tgl move"), ("status x", "usage: tgl move"), ("lean", "usage:"),
 ])  # fmt: skip
-def test_what_is_wrong_is_told_and_not_sent(
+def test_what_is_wrong_is_reported_and_not_sent(
     clock: Made, capsys: Out, line: str, words: str
 ) -> None:
     prompt = clock().known()
@@ -444,7 +444,7 @@ def test_the_status_in_flight() -> None:
     ]
 
 
-def test_what_is_not_known_is_told_as_such() -> None:
+def test_what_is_not_known_is_reported_as_such() -> None:
     unknown = "not known"
     assert status_lines({"e_rho": nan, "faults": nan}, None) == [
         f"mode not known: e_rho {unknown}",

@@ -78,7 +78,7 @@ def test_native_code_passes_the_tests_of_links_and_of_the_flying_process() -> No
 # --- where there is none -------------------------------------------------------------------------
 
 
-def test_without_native_code_the_source_flies_and_it_is_said(place: Path) -> None:
+def test_without_native_code_the_source_flies_and_it_is_reported(place: Path) -> None:
     assert printed(USE) == "False|interpreted; `tgl-soar compile` makes it more than twice as fast"
     assert not place.exists()
 
@@ -401,7 +401,7 @@ def test_it_is_of_all_that_flies() -> None:
     } <= flies
 
 
-def test_where_it_cannot_be_kept_it_is_said(
+def test_where_it_cannot_be_kept_it_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").touch()
@@ -410,7 +410,7 @@ def test_where_it_cannot_be_kept_it_is_said(
         compiling.make(lambda _words: None)
 
 
-def test_without_a_compiler_it_is_said_what_is_needed(
+def test_without_a_compiler_it_is_reported_what_is_needed(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CC", str(place / "no-such-compiler"))

@@ -170,7 +170,7 @@ def test_one_table_at_a_time(tmp_path: Path) -> None:
 # --- the brake ---------------------------------------------------------------------------------
 
 
-def test_what_the_brake_adds_is_told_with_its_error_and_at_nine_metres_a_second() -> None:
+def test_what_the_brake_adds_is_reported_with_its_error_and_at_nine_metres_a_second() -> None:
     k = 4.6e-4
     glides = [(u, b) for b in (0.0, 0.5, 1.0) for u in SPEEDS]
     sinks = [sink(u) + k * b * u**3 for u, b in glides]

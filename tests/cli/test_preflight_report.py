@@ -115,7 +115,7 @@ def verdict(monkeypatch: pytest.MonkeyPatch, *parts: CheckedPart) -> tuple[int, 
     return code, lines[-1]
 
 
-def test_whose_gains_are_flown_is_said_with_the_files_tables(
+def test_whose_gains_are_flown_is_reported_with_the_files_tables(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Their names stand in brackets, which are none of a style's."""

@@ -112,7 +112,7 @@ def replayed(monkeypatch: pytest.MonkeyPatch) -> Any:
     return made
 
 
-def test_the_same_in_every_bit_is_told_and_no_failure(replayed: Any) -> None:
+def test_the_same_in_every_bit_is_reported_and_no_failure(replayed: Any) -> None:
     code, output = run("a.ulg")
     assert code == 0
     # Four seconds of ticks in half a second.
@@ -138,14 +138,14 @@ def test_the_exit_code_is_one_where_commands_differ_or_data_is_lost(
     assert run("a.ulg")[0] == code
 
 
-def test_what_was_left_out_and_noted_is_told(replayed: Any) -> None:
+def test_what_was_left_out_and_noted_is_reported(replayed: Any) -> None:
     replayed.result = result(left_out=7, notes=["a note [of brackets]"])
     _, output = run("a.ulg")
     assert "8 × real time; 7 left out, the state before them is lost" in output
     assert "a note [of brackets]" in output
 
 
-def test_a_change_that_nothing_used_is_told(replayed: Any) -> None:
+def test_a_change_that_nothing_used_is_reported(replayed: Any) -> None:
     replayed.result = result(changed=True)
     assert "no command differs: no tick of this flight used the changed values" in run("a.ulg")[1]
     replayed.result = result(changed=True, differences=[difference("command_elevator")])
@@ -259,7 +259,7 @@ def wire(**more: Any) -> Any:
     return SimpleNamespace(**fields)
 
 
-def test_what_was_told_is_compared_with_what_is_told_now(
+def test_what_was_reported_is_compared_with_what_is_reported_now(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "replay_wire", lambda *_given: wire())

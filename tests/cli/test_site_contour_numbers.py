@@ -190,7 +190,7 @@ def test_parts_that_are_short_beside_the_longest_are_noise(monkeypatch: pytest.M
     assert LONGEST_FRACTION == 0.05
 
 
-def test_it_is_printed_or_written_and_where_it_goes_is_told(tmp_path: Path) -> None:
+def test_it_is_printed_or_written_and_where_it_goes_is_reported(tmp_path: Path) -> None:
     area = ("--bounds", "0,1,1,2.2")
     code, printed = run("contour", *area)
     assert code == 0

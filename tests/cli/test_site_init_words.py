@@ -116,7 +116,7 @@ def test_each_option_is_its_own_number(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert asked["write"][3] == shipped("airframes/eclipson_c_propeller.toml")
 
 
-def test_what_was_found_is_told_and_what_is_guessed(
+def test_what_was_found_is_reported_and_what_is_guessed(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     done, _ = run(monkeypatch, tmp_path)
@@ -164,7 +164,7 @@ def test_all_files_that_are_there_are_named(
         (ImportError("no rasterio"), "no rasterio"),
     ],
 )  # fmt: skip
-def test_what_goes_wrong_is_told_with_its_file_and_nothing_else(
+def test_what_goes_wrong_is_reported_with_its_file_and_nothing_else(
     error: Exception, says: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def fails(*_: object) -> None:
@@ -176,7 +176,7 @@ def test_what_goes_wrong_is_told_with_its_file_and_nothing_else(
     assert done.stdout == ""
 
 
-def test_a_folder_that_cannot_be_made_is_told(
+def test_a_folder_that_cannot_be_made_is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()

@@ -74,7 +74,7 @@ def test_without_a_figure_the_flight_is_none_the_worse(
     assert f"no figure: {error}" in capsys.readouterr().err
 
 
-def test_a_full_disk_is_told_with_the_file(
+def test_a_full_disk_is_reported_with_the_file(
     drawn: list[tuple[str, Path]],
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -91,7 +91,7 @@ def test_a_full_disk_is_told_with_the_file(
 
 
 @pytest.mark.parametrize("words", ["", "a misfit"])
-def test_how_far_the_aircraft_is_from_its_polar_is_told_where_it_is(
+def test_how_far_the_aircraft_is_from_its_polar_is_reported_where_it_is(
     words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The tunnel's air is a jet, which is fitted to nothing."""

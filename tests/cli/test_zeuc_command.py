@@ -134,7 +134,7 @@ def test_a_site_without_air_has_no_map(tmp_path: Path) -> None:
     assert f"{site}: no [air] table, so there is no wind to map" in output
 
 
-def test_a_line_that_meets_nothing_is_told(tmp_path: Path) -> None:
+def test_a_line_that_meets_nothing_is_reported(tmp_path: Path) -> None:
     found, output = run(tmp_path, "--line", "-60,1,15", "--bounds=-0.5,2.3,0.2,2.9")
     assert found["lines"]["1"]["crossings"] == []
     assert "meets no contour" in output

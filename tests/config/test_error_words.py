@@ -24,7 +24,7 @@ FILE = shipped("airframes/eclipson_c.toml")
         ({"SURF_MAX": 0.2, "ELE_TRIM": 0.3}, "must lie within SURF_MAX (SURF_MAX = 0.2)"),
     ],
 )
-def test_of_two_parameters_the_other_one_is_told(changes: dict[str, float], words: str) -> None:
+def test_of_two_parameters_the_other_one_is_reported(changes: dict[str, float], words: str) -> None:
     base = ParameterSet().changed({"PITCH_MIN": -12.0, "PITCH_MAX": 6.0})
     with pytest.raises(ParameterError) as refused:
         base.changed(changes)

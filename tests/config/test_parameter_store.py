@@ -60,7 +60,7 @@ def saved(path: Path, *changes: dict[str, float]) -> None:
 # --- what is kept -----------------------------------------------------------------------------
 
 
-def test_a_folder_that_cannot_be_looked_at_is_told_of_at_the_start(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_looked_at_is_reported_at_the_start(tmp_path: Path) -> None:
     kept = store(tmp_path / (300 * "n") / "vehicle.params")
     found = kept.restore()
     assert found.values == BASE
@@ -69,7 +69,7 @@ def test_a_folder_that_cannot_be_looked_at_is_told_of_at_the_start(tmp_path: Pat
 
 
 @pytest.mark.parametrize("looking", [False, True])
-def test_a_place_that_cannot_be_written_is_told_of_at_the_start(looking: bool) -> None:
+def test_a_place_that_cannot_be_written_is_reported_at_the_start(looking: bool) -> None:
     """Not at the first change in flight; who only looks needs no place to write."""
     unwritable = Path("/proc/none/vehicle.params")  # where nobody makes a folder
     kept = store(unwritable)
@@ -114,7 +114,7 @@ def test_gains_of_another_aircraft_than_the_declared_are_kept_as_one_set() -> No
     assert set(to_keep(BASE.changed({"RHO_D": 0.3}), BASE)) == {"RHO_D"}
 
 
-def test_a_gain_that_was_kept_without_its_aircraft_is_told_of() -> None:
+def test_a_gain_that_was_kept_without_its_aircraft_is_reported() -> None:
     own = BASE.changed({"RHO_SPEED": 9.2, "ELE_FREQ": 7.1})
     values, notes = restored(own, {"ELE_P_IMU": 12.0, "TGL_X": 0.1}, ())
     assert values["ELE_P_IMU"] == 12.0
@@ -274,7 +274,7 @@ def test_vehicles_of_files_of_the_same_name_have_each_their_own(
 
 
 @pytest.mark.parametrize("other", OTHERS)
-def test_a_first_start_beside_what_another_id_has_kept_is_said(
+def test_a_first_start_beside_what_another_id_has_kept_is_reported(
     tmp_path: Path, other: Identity
 ) -> None:
     """As after the id in the airframe file was changed: its parameters seem to be gone."""

@@ -78,11 +78,11 @@ def test_a_shake_is_a_fifth_of_the_travel_four_times_a_second() -> None:
 
 @pytest.mark.parametrize(("asked", "least", "most"), [(0.9, -0.2, 0.1), (0.05, -0.05, 0.2)])
 def test_it_goes_no_further_than_the_brake(asked: float, least: float, most: float) -> None:
-    state, seen_order = ON, []
+    state, shaken = ON, []
     for _ in range(64):
         state = step(state, asked=asked)
-        seen_order.append(state.shaken)
-    assert (min(seen_order), max(seen_order)) == pytest.approx((least, most))
+        shaken.append(state.shaken)
+    assert (min(shaken), max(shaken)) == pytest.approx((least, most))
 
 
 def test_a_block_is_a_second_of_products_with_sine_and_cosine() -> None:

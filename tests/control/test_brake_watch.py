@@ -241,7 +241,7 @@ def test_outside_the_band_a_brake_that_acts_is_shaken_and_then_the_point_may_giv
 @pytest.mark.parametrize("speed", [8.0, 9.6, 11.0, 12.0])
 @pytest.mark.parametrize(("sign", "standing"), [(1.0, ABOVE_BAND), (-1.0, BELOW_BAND)])
 @pytest.mark.parametrize("gusts", [0.0, 0.3])
-def test_outside_the_band_it_is_said_at_any_speed(
+def test_outside_the_band_it_is_reported_at_any_speed(
     speed: float, sign: float, standing: int, gusts: float
 ) -> None:
     """All of the brake is 0.24 to 0.8 m/s of sink there, and the law may ask for 0.18 by place."""
@@ -352,7 +352,7 @@ def test_it_gives_way_no_further_than_it_may_and_never_to_a_jammed_brake() -> No
     assert jammed.state.standing == DEAD
 
 
-def test_what_acts_is_said_of_every_standing() -> None:
+def test_what_acts_is_reported_of_every_standing() -> None:
     assert [n for n in range(len(POINT_TEXTS)) if acts(n)] == [
         HOLDS,
         ABOVE_BAND,

@@ -209,7 +209,7 @@ def test_what_was_cut_is_reported_and_nothing_else(
 
 @pytest.mark.parametrize("surface", SurfaceCommand._fields[:3])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_travel_and_rate_are_told_of_each_surface(surface: str, sign: float) -> None:
+def test_travel_and_rate_are_reported_of_each_surface(surface: str, sign: float) -> None:
     def cut(last: float, wanted: float) -> int:
         before = SurfaceCommand(**{**ZERO._asdict(), surface: sign * last})
         command = SurfaceCommand(**{**ZERO._asdict(), surface: sign * wanted})
@@ -546,7 +546,7 @@ def test_each_side_of_the_fence(axis: int, edge: float, inward: float, bit: int)
     assert at(nextafter(edge, -inward)) == bit
 
 
-def test_a_corner_is_told_of_every_side() -> None:
+def test_a_corner_is_reported_of_every_side() -> None:
     assert outside(BOX, -5.0, 3.0, 20.0) == OUT_UPSTREAM | OUT_SIDE | OUT_ABOVE
     assert outside(BOX, 9.0, -3.0, 0.0) == OUT_DOWNSTREAM | OUT_SIDE | OUT_BELOW
 

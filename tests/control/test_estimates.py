@@ -275,7 +275,7 @@ def test_a_tube_is_watched_once_it_has_spoken_and_in_flight(
 
 
 @pytest.mark.parametrize("before", [False, True])
-def test_a_tube_that_lies_is_done_without_and_the_wind_begun_anew(
+def test_a_tube_that_lies_is_done_without_and_the_wind_begun_again(
     monkeypatch: pytest.MonkeyPatch, before: bool
 ) -> None:
     """But once: it has had its part in what was known of the wind, and has none from then on."""

@@ -45,7 +45,7 @@ PITCH_IMU = PITCH._replace(kp=9.2, ki=8.4, kd=0.31)
 
 
 @given(st.lists(st.booleans(), max_size=400), st.floats(0.0, 0.1))
-def test_the_share_follows_and_stays_within_its_rates(flags: list[bool], dt: float) -> None:
+def test_the_fraction_follows_and_stays_within_its_rates(flags: list[bool], dt: float) -> None:
     weight = 0.0
     for inertial in flags:
         after = weight_step(weight, inertial, dt)
@@ -62,7 +62,7 @@ def test_it_comes_in_half_a_second_and_goes_in_a_tenth() -> None:
     assert weight_step(0.05, False, 0.01) == 0.0
 
 
-def test_the_share_arrives_and_leaves_faster_than_it_came() -> None:
+def test_the_fraction_arrives_and_leaves_faster_than_it_came() -> None:
     weight, up, down = 0.0, 0, 0
     while weight < 1.0:
         weight, up = weight_step(weight, True, DT), up + 1

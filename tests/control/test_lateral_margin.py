@@ -135,7 +135,7 @@ def test_a_gain_that_leaves_little_is_taken_in_flight_with_a_warning() -> None:
     assert changes.set(VALUES, "AIL_TRIM", 0.1, flying=True).warning == ""
 
 
-def test_without_lateral_dynamics_or_by_another_s_loops_nothing_is_said() -> None:
+def test_without_lateral_dynamics_or_by_another_s_loops_nothing_is_reported() -> None:
     swings = VALUES.changed(raised("AIL_P", 7.5))
     assert margin_fault(swings) == ""
     assert margin_fault(swings, lateral=UNKNOWN) == ""
@@ -168,7 +168,7 @@ def test_moving_the_line_within_a_step_asks_the_model_nothing() -> None:
     assert loop_margin._lateral_margins.cache_info().maxsize is not None
 
 
-def test_an_aileron_gain_is_judged_anew_on_the_same_line() -> None:
+def test_an_aileron_gain_is_judged_again_on_the_same_line() -> None:
     first = lateral_margins(at_way(6.2), KNOWN)
     assert lateral_margins(at_way(6.2, raised("AIL_P", 3.0)), KNOWN) != first
 

@@ -425,7 +425,7 @@ def test_a_slower_loop_is_later_by_half_of_what_its_tick_is_longer_than_5_ms(
     assert late_by_s(values) == pytest.approx(0.04 + longer_s)
 
 
-def test_the_airframe_is_told_as_its_parameters_have_it() -> None:
+def test_the_airframe_is_reported_as_its_parameters_have_it() -> None:
     names = {
         "DYN_SPEED": "speed_mps",
         "DYN_FREQ": "short_period_radps",

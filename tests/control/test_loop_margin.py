@@ -225,7 +225,7 @@ def test_where_nothing_is_judged_it_is_reported() -> None:
     assert taken.warning == "no margin is judged: the autopilot's own loops hold the attitude"
 
 
-def test_of_an_unknown_airframe_nothing_is_said() -> None:
+def test_of_an_unknown_airframe_nothing_is_reported() -> None:
     assert margin_fault(ParameterSet().changed({"TGL_LEAN": 45.0, "RHO_SPEED": 0.0})) == ""
 
 

@@ -396,7 +396,7 @@ def words(parameters: dict[str, float] | None = None, route: str | None = None) 
     return gains_words(plane, site, load_parameters(plane, GLIDER, site, JET))
 
 
-def test_whose_gains_they_are_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whose_gains_they_are_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     given = load_airframe(GLIDER).parameters
     assert words() == "gains of pitch: sought for this aircraft"
     assert words({n: v for n, v in given.items() if n not in SHIPPED}) == words()

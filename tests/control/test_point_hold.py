@@ -175,7 +175,7 @@ def test_a_brake_that_was_given_up_is_not_tried_by_the_next_flight_either(standi
     assert set_aside(gains(wanted=False), flown) == NO_POINT  # it was mended on the ground
 
 
-def test_without_a_brake_or_a_route_for_it_the_line_alone_is_flown_and_that_is_said() -> None:
+def test_without_a_brake_or_a_route_for_it_the_line_alone_is_flown_and_that_is_reported() -> None:
     for of in (laws(WITHOUT).brake, laws(loops=THEIRS).brake):
         state = steps(of, at(0.1), 3.0)
         assert (state.standing, state.brake) == (NO_BRAKE, 0.0)

@@ -282,7 +282,7 @@ def test_while_it_fades_in_it_rests() -> None:
 @pytest.mark.parametrize(
     ("along_m", "blocked", "fraction"), [(3.0, 1, 1.0), (-3.0, -1, -1.0), (0.0, 0, 0.0)]
 )
-def test_the_share_at_an_end_and_the_mean_are_averages_over_three_seconds(
+def test_the_fraction_at_an_end_and_the_mean_are_averages_over_three_seconds(
     along_m: float, blocked: int, fraction: float
 ) -> None:
     begun = AT_POINT._replace(ended=0.2, mean=0.3)

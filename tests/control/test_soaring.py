@@ -197,7 +197,7 @@ def test_the_line_is_held_against_a_steady_push() -> None:
 TRIM = TrimGains(-0.03, 1.0, 2.0, 0.5)
 
 
-def test_theta_0_is_the_constant_unless_a_share_of_the_glide_is_asked_for() -> None:
+def test_theta_0_is_the_constant_unless_a_fraction_of_the_glide_is_asked_for() -> None:
     state, gust = trim_step(TRIM._replace(fraction=0.0), TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
     assert (state.pitch_rad, gust) == (-0.03, 0.0)
     state, _ = trim_step(TRIM, TrimState(nan, nan), 0.1, 1.0, 9.0, DT)
@@ -215,7 +215,7 @@ def test_theta_0_moves_without_a_step_and_arrives() -> None:
     assert state.pitch_rad == pytest.approx(0.05, abs=0.001)
 
 
-def test_a_gust_is_met_by_a_share_of_its_incidence_and_then_forgotten() -> None:
+def test_a_gust_is_met_by_a_fraction_of_its_incidence_and_then_forgotten() -> None:
     state, gust = trim_step(TRIM, TrimState(-0.03, 1.0), -0.03, 1.9, 9.0, DT)
     assert gust == pytest.approx(-0.5 * 0.9 / 9.0, rel=0.01)
     for _ in range(round(20.0 / DT)):

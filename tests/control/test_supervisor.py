@@ -860,7 +860,7 @@ def test_the_end_of_trouble_must_last_too() -> None:
     assert flown.changes[-1][1:] == (s.CAPTURING, s.REASON_RECOVERED)
 
 
-def test_holding_ends_in_its_time_whatever_is_said_of_the_position() -> None:
+def test_holding_ends_in_its_time_whatever_is_reported_of_the_position() -> None:
     """With fixes that come too seldom, or leave the position uncertain: kept, never fresh."""
     lost = WELL & ~s.POSITION_FRESH & ~s.CLEAR
     flown = soaring().look(lost, 5.0)

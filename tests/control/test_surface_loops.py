@@ -213,7 +213,7 @@ def test_a_firmware_s_surfaces_are_not_known_and_our_loops_rest(loops: int) -> N
     assert (limited.finite, limited.cut) == (True, 0)
 
 
-def test_a_rudder_of_ours_that_is_cut_is_said() -> None:
+def test_a_rudder_of_ours_that_is_cut_is_reported() -> None:
     limited = limited_by(loops=THEIRS_WITH_RUDDER, setpoints=Setpoints(0.0, 0.0, nan))
     assert not limited.finite
     assert limited.cut != 0

@@ -114,7 +114,7 @@ def test_it_goes_on_for_a_while_and_fades() -> None:
     assert all(b >= a - 0.01 for a, b in itertools.pairwise(fractions))  # no step down
 
 
-def test_each_call_begins_the_wait_for_the_next_anew() -> None:
+def test_each_call_begins_the_wait_for_the_next_again() -> None:
     """Gusts call by turns: the second counts from the last call, so that no pause closes it."""
     state = after(SINKING, 2.0)
     for _ in range(4):

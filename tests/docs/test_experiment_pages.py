@@ -107,7 +107,7 @@ def counts(claims: list[tuple[bool, list[str]]], model: int) -> str:
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_what_was_said_once_stands_beside_what_is_said_now(name: str) -> None:
+def test_what_was_reported_once_stands_beside_what_is_reported_now(name: str) -> None:
     text = (DOCS / name).read_text(encoding="utf-8")
     summary = dict(
         re.findall(r"^\| \[`(\w+)`\]\(#\w+\) \| [^|]* \| ([^|]*) \|", text, re.MULTILINE)

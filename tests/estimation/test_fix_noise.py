@@ -285,7 +285,7 @@ def test_a_throw_is_no_noise_however_seldom_fixes_come(
         assert state.shift == NO_SHIFT
 
 
-def test_where_the_estimate_begins_anew_nothing_is_known_of_the_noise() -> None:
+def test_where_the_estimate_begins_again_nothing_is_known_of_the_noise() -> None:
     wide = scatter(0.1)
     for now, state, _, _ in flight(
         lambda k, noise: (20.0 + wide(k, noise)[0], 0.0, 0.0) if k * DT > 4.0 else wide(k, noise)

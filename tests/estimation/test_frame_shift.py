@@ -153,7 +153,7 @@ def reckoned_until_then(k: int) -> PositionFix:
         *("dead reckoned before", "dead reckoned until it was corrected"),
     ],
 )
-def test_where_the_aircraft_may_have_moved_itself_the_line_begins_anew(
+def test_where_the_aircraft_may_have_moved_itself_the_line_begins_again(
     fixes: Fixes, reset_max_m: float
 ) -> None:
     _, state, _, jumped = last_of(fixes, reset_max_m=reset_max_m)

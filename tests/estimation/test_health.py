@@ -446,7 +446,7 @@ def test_after_a_clock_that_went_back_they_are_compared_again(
     assert (watch.health.faults & h.DISAGREES == 0) == (after_deg == 0.0)
 
 
-def test_a_sample_out_of_order_does_not_begin_the_comparison_anew() -> None:
+def test_a_sample_out_of_order_does_not_begin_the_comparison_again() -> None:
     """Every tenth is 0.1 s old."""
 
     def late(inputs: Inputs, k: int) -> Any:

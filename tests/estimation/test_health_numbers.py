@@ -170,7 +170,7 @@ def test_a_quaternion_s_norm_is_one_within_two_hundredths(square: float, wrong: 
 
 
 @pytest.mark.parametrize("axis", ["velocity_north_mps", "velocity_east_mps", "velocity_down_mps"])
-def test_a_velocity_of_another_frame_is_told_when_its_mean_over_two_seconds_is_2_mps_off(
+def test_a_velocity_of_another_frame_is_reported_when_its_mean_over_two_seconds_is_2_mps_off(
     axis: str,
 ) -> None:
     """4 m/s off are 2 m/s of a mean over 2 s after ln 2 of that: 1.39 s."""
@@ -183,7 +183,7 @@ def test_a_velocity_of_another_frame_is_told_when_its_mean_over_two_seconds_is_2
 
 
 @pytest.mark.parametrize(("after_s", "is_reported"), [(0.99, True), (1.01, False)])
-def test_a_fault_is_told_for_a_second(after_s: float, is_reported: bool) -> None:
+def test_a_fault_is_reported_for_a_second(after_s: float, is_reported: bool) -> None:
     watched = Watched()
     watched.fix(1.0)
     watched.fix(1.02, north_m=nan)
@@ -306,7 +306,9 @@ def test_a_throw_by_hand_is_no_wrong_attitude() -> None:
 
 
 @pytest.mark.parametrize(("axis", "turned"), [(0, 1.0), (2, -1.0)])
-def test_an_attitude_that_is_far_off_is_told_within_two_seconds(axis: int, turned: float) -> None:
+def test_an_attitude_that_is_far_off_is_reported_within_two_seconds(
+    axis: int, turned: float
+) -> None:
     """Nose down, or on its back, while it says level: 1 and 2 g off."""
     watched, time_s = Watched(), 1.0
     watched.attitude(0.98, 0.0)
@@ -339,7 +341,7 @@ def test_one_absurd_velocity_is_no_other_frame(velocity: float, silent_s: float)
 
 
 @pytest.mark.parametrize("unit", [100.0, 1e9])
-def test_velocities_in_another_unit_are_told(unit: float) -> None:
+def test_velocities_in_another_unit_are_reported(unit: float) -> None:
     watched, found = Watched(), None
     for k in range(100):
         found = watched.fix(1.0 + 0.02 * k, velocity_north_mps=unit)

@@ -636,7 +636,7 @@ def test_how_far_it_may_have_turned_grows_with_the_gap(
     assert abs(after) == pytest.approx(radians(roll_deg) if used else 0.0)
 
 
-def test_a_rate_that_no_aircraft_has_a_tick_later_is_not_used_until_it_is_said_again() -> None:
+def test_a_rate_that_no_aircraft_has_a_tick_later_is_not_used_until_it_is_reported_again() -> None:
     turns = Turns()
     assert turns.tell(0.0, 1.7).roll_rate_radps == 1.7  # 1 and 150 times 5 ms
     turns = Turns()
@@ -646,7 +646,7 @@ def test_a_rate_that_no_aircraft_has_a_tick_later_is_not_used_until_it_is_said_a
 
 
 @pytest.mark.parametrize("rate", [70.1, -1e3, 1e300, inf, -inf])
-def test_a_rate_that_no_gyro_measures_is_none_however_often_it_is_said(rate: float) -> None:
+def test_a_rate_that_no_gyro_measures_is_none_however_often_it_is_reported(rate: float) -> None:
     turns = Turns()
     for _ in range(10):
         assert turns.tell(0.0, rate).roll_rate_radps == 0.0

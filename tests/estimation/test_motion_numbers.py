@@ -458,11 +458,11 @@ def test_a_fix_was_used_refused_or_not_looked_at() -> None:
 @pytest.mark.parametrize(
     ("ago_s", "jumped"), [(0.0, True), (0.399, True), (0.401, False), (nan, False)]
 )
-def test_a_jump_is_said_for_four_tenths(ago_s: float, jumped: bool) -> None:
+def test_a_jump_is_reported_for_four_tenths(ago_s: float, jumped: bool) -> None:
     assert quality(flown(jump_s=NOW_S - ago_s)).jumped == jumped
 
 
-def test_dead_reckoning_is_said_since_it_began() -> None:
+def test_dead_reckoning_is_reported_since_it_began() -> None:
     assert quality(flown(reckoning=Reckoning(0.5, 1.1, True))).reckoned_s == pytest.approx(0.7)
     assert quality(flown(reckoning=Reckoning(0.5, 1.1, False))).reckoned_s == 0.0
     assert quality(flown(reckoning=Reckoning(1.3, 1.3, True))).reckoned_s == 0.0

@@ -296,7 +296,7 @@ def test_a_time_that_stands_or_of_one_row_alone_is_refused() -> None:
     assert len(glides(**{n: each[:2] for n, each in columns.items()})) == 0
 
 
-def test_no_glide_at_all_is_said_with_the_limits() -> None:
+def test_no_glide_at_all_is_reported_with_the_limits() -> None:
     with pytest.raises(
         ValueError,
         match=r"none of 4 windows of 2\.0 s .*0\.01 rad.*0\.2 m/s².*0\.02 m/s²\): hold each",

@@ -576,7 +576,7 @@ def test_the_estimate_goes_on_where_the_source_has_moved() -> None:
     assert found.errors.covariance.pp < ERRORS.covariance.pp  # and it is a fix
 
 
-def test_where_the_aircraft_may_have_moved_the_estimate_begins_anew() -> None:
+def test_where_the_aircraft_may_have_moved_the_estimate_begins_again() -> None:
     by = (2.0, 0.5, -0.5)
     found = fifth(by, gains=GAINS._replace(reset_max_m=0.0))
     assert found.jump_s == 1.12

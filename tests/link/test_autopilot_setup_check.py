@@ -366,7 +366,7 @@ def test_who_looks_whether_it_is_held_back_asks_nothing_and_delays_no_report() -
     assert counts["A"] == counts["SYSID_MYGCS"] == 1
 
 
-def test_what_is_being_asked_for_is_not_begun_anew_by_who_asks_to_engage() -> None:
+def test_what_is_being_asked_for_is_not_begun_again_by_who_asks_to_engage() -> None:
     check = inquiry()
     vehicle = Vehicle({**GOOD, "A": 9.0}).run(check)
     vehicle.parameters.clear()  # it answers no more

@@ -368,7 +368,7 @@ def test_the_numbers_stand_in_order() -> None:
     assert AHEAD_S < AGE_ATT_MAX_S < LASTS_S < CONTEST_S <= LATE_S < CALM_S < WINDOW_S
 
 
-def test_another_clock_is_told_of_once_in_ten_seconds_and_counted() -> None:
+def test_another_clock_is_reported_once_in_ten_seconds_and_counted() -> None:
     ledger = Ledger(SessionCounters(), [], StreamRequests(1))
     times = SampleTimes(Source(1, 1), ledger, lambda _: None, lockstep=False)
     for i in range(round(14.0 * 50)):

@@ -441,7 +441,7 @@ def test_nobody_takes_over_while_another_stream_of_the_old_clock_comes() -> None
     assert known.suspect_ahead_s == pytest.approx(30.0)
 
 
-def test_of_a_clock_that_is_not_the_autopilot_s_nothing_is_said_or_reset() -> None:
+def test_of_a_clock_that_is_not_the_autopilot_s_nothing_is_reported_or_reset() -> None:
     streams = Streams()
     known = streams.known()
     streams.run("camera", 101.0, 102.0, foreign=True)

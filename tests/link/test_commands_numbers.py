@@ -148,7 +148,9 @@ def test_while_it_is_in_progress_a_repetition_stays_one(server: CommandServer) -
     assert (late.request, result_of(late)) == (NOTHING, mavlink.MAV_RESULT_IN_PROGRESS)
 
 
-def test_it_is_told_once_a_second_that_an_engagement_is_in_progress(server: CommandServer) -> None:
+def test_it_is_reported_once_a_second_that_an_engagement_is_in_progress(
+    server: CommandServer,
+) -> None:
     server.handle(STATION, command(ENGAGE), 20.0)
     reported_s = [i / 16 for i in range(16 * 4) if server.poll(20.0 + i / 16)]
     assert reported_s == [1.0, 2.0, 3.0]
@@ -195,7 +197,9 @@ def test_an_answer_names_the_command_its_sender_and_no_progress(server: CommandS
 
 
 @pytest.mark.parametrize("asked", [command(CAPABILITIES, 1.0), command(REQUEST_MESSAGE, 148.0)])
-def test_what_it_can_do_and_its_version_are_told(server: CommandServer, asked: CommandLong) -> None:
+def test_what_it_can_do_and_its_version_are_reported(
+    server: CommandServer, asked: CommandLong
+) -> None:
     ack, version = server.handle(STATION, asked, 0.0).outbound
     assert isinstance(version, AutopilotVersion)
     assert version.capabilities == (

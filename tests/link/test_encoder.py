@@ -27,7 +27,7 @@ def parsed(frame: bytes) -> Any:
     return mavlink.MAVLink(None).decode(bytearray(frame))
 
 
-def test_everything_that_is_said_reads_back_by_pymavlink() -> None:
+def test_everything_that_is_sent_reads_back_by_pymavlink() -> None:
     encoder = Encoder(Source(1, 191))
     cases: list[tuple[Outbound, dict[str, object]]] = [
         (

@@ -99,7 +99,7 @@ def test_what_is_no_pulse_moves_no_switch(pulse_us: int, is_pulse: bool) -> None
         assert pilot.switch.is_low  # as it was
 
 
-def test_after_a_silence_only_a_low_that_comes_anew_engages() -> None:
+def test_after_a_silence_only_a_low_that_comes_again_engages() -> None:
     assert pytest.approx(10 * PERIOD_S) == SILENCE_S  # ten messages in a row
     pilot = Pilot()
     pilot.moves(LOW)
@@ -308,7 +308,7 @@ def test_an_abort_stands_until_an_operator_has_released() -> None:
     assert engagement.held_back() == ""
 
 
-def test_a_switch_that_is_low_holds_back_and_an_abort_is_said_before_it() -> None:
+def test_a_switch_that_is_low_holds_back_and_an_abort_is_reported_before_it() -> None:
     pilot, engagement = Pilot(), Engagement()
     pilot.switch = engagement.switch
     pilot.moves(LOW)

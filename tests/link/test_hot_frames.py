@@ -236,7 +236,7 @@ def by_pymavlink(message: Outbound) -> Any:
     source=st.builds(Source, st.integers(1, 255), st.integers(1, 255)),
     key=st.sampled_from((None, KEY)),
 )
-def test_what_is_said_is_pymavlink_s_byte_for_byte(
+def test_what_is_sent_is_pymavlink_s_byte_for_byte(
     messages: list[Outbound], source: Source, key: bytes | None
 ) -> None:
     mav = mavlink.MAVLink(None, *source)
@@ -251,7 +251,7 @@ def test_what_is_said_is_pymavlink_s_byte_for_byte(
 
 
 @given(message=WRITTEN)
-def test_mavlink_1_is_said_as_pymavlink_reads_it(message: Outbound) -> None:
+def test_mavlink_1_is_sent_as_pymavlink_reads_it(message: Outbound) -> None:
     encoder = Encoder(Source(1, 191), Signing(KEY, 1.6e9, 0.0))
     encoder.version1 = True
     frame = encoder.encode(message)

@@ -43,7 +43,7 @@ def test_a_link_that_cannot_be_opened_is_named_with_the_way_out(text: str, words
     "text",
     ["serial:", "serial:/dev/ttyAMA0:fast", "udp:127.0.0.1:0", "tcp:127.0.0.1", "carrier-pigeon:1"],
 )
-def test_a_wrong_form_is_told_before_anything_is_opened(text: str) -> None:
+def test_a_wrong_form_is_reported_before_anything_is_opened(text: str) -> None:
     with pytest.raises(LinkError):
         check_link(text)
 

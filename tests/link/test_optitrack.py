@@ -243,7 +243,7 @@ def test_a_restarted_server_has_another_clock() -> None:
     assert any("restarted, with another clock" in words for words in hall.words)
 
 
-def test_a_server_that_counts_anew_is_asked_for_its_bodies() -> None:
+def test_a_server_that_counts_again_is_asked_for_its_bodies() -> None:
     """Motive is restarted on the same computer: the clock goes on, ids may be others."""
     faults = (HallFault("restart", 2.0, 2.5), HallFault("swap", 2.0, 9.0))
     hall = Hall(MotiveOptions(noise_m=0.0, faults=faults, restarted_clock=False)).run(6.0)
@@ -254,7 +254,7 @@ def test_a_server_that_counts_anew_is_asked_for_its_bodies() -> None:
     assert "the last was 10.5 ms old, give or take 0.5" in hall.client.summary()
 
 
-def test_frames_that_are_numbered_anew_without_a_pause_make_it_ask_for_the_bodies() -> None:
+def test_frames_that_are_numbered_again_without_a_pause_make_it_ask_for_the_bodies() -> None:
     """A take that is played in a loop, or a server that was restarted: ids may be others."""
     hall = Hall().run(3.0)
     asked, count = hall.asked.count(layout.MODELS_REQUEST), len(hall.fixes)
@@ -386,7 +386,7 @@ def test_the_second_outage_of_a_day_is_reported_as_the_first_was_and_so_is_that_
     assert reported[3].endswith(" 4.0 s")
 
 
-def test_a_body_that_flickers_is_told_of_once_in_ten_seconds() -> None:
+def test_a_body_that_flickers_is_reported_once_in_ten_seconds() -> None:
     """Blind for 0.2 s of each second: two words in ten seconds, whatever comes in between."""
     faults = tuple(HallFault("untracked", 1.0 + i, 1.2 + i) for i in range(30))
     hall = Hall(MotiveOptions(noise_m=0.0002, faults=faults)).run(31.0)

@@ -150,7 +150,7 @@ def test_a_summary_says_how_old_only_after_a_fix_and_how_wrong_only_where_it_is_
 # --- whose datagrams ----------------------------------------------------------------------------
 
 
-def test_only_the_server_of_the_site_is_listened_to_and_another_is_told_of_once() -> None:
+def test_only_the_server_of_the_site_is_listened_to_and_another_is_reported_once() -> None:
     talk = Talk(greeted=False)
     for _ in range(3):
         assert talk.gives(INFO, ("10.0.0.3", 1510)) is None
@@ -343,7 +343,7 @@ def test_the_first_frame_may_say_it_too() -> None:
 
 
 @pytest.mark.parametrize(("number", "used"), [(501, True), (500, False), (3, False)])
-def test_frames_that_are_numbered_anew_are_of_other_definitions(number: int, used: bool) -> None:
+def test_frames_that_are_numbered_again_are_of_other_definitions(number: int, used: bool) -> None:
     talk = Talk()
     talk.sees(number=500)
     assert (talk.sees(number=number) is not None) == used

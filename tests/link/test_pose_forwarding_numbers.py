@@ -83,7 +83,7 @@ def test_they_go_out_on_the_grid_of_the_first_and_after_a_pause_on_another() -> 
     assert times(forwarding(), 0.0, 0.049, 0.05) == [0.0, 0.049, 0.05]
 
 
-def test_no_pose_goes_out_twice_and_another_clock_begins_anew() -> None:
+def test_no_pose_goes_out_twice_and_another_clock_begins_again() -> None:
     forward, tracked = forwarding(), new()
     assert forward.poll(tracked.fix(50.0), 50.0)
     assert forward.poll(tracked, 50.03) is None
@@ -94,7 +94,7 @@ def test_no_pose_goes_out_twice_and_another_clock_begins_anew() -> None:
 
 
 @pytest.mark.parametrize("source", [0, 1, 2, 3, VISION])
-def test_only_what_the_autopilot_does_not_know_is_told(source: int) -> None:
+def test_only_what_the_autopilot_does_not_know_is_reported(source: int) -> None:
     forward, tracked = forwarding(), new()
     tracked.chosen = source
     assert (forward.poll(tracked.fix(50.0), 50.0) is not None) is (source == VISION)
@@ -167,7 +167,7 @@ def test_where_none_is_known_the_first_place_says_so() -> None:
 # --- attitudes ------------------------------------------------------------------------------------
 
 
-def test_without_an_attitude_it_is_said_once_and_asked_again() -> None:
+def test_without_an_attitude_it_is_reported_once_and_asked_again() -> None:
     forward, tracked = forwarding(), new()
     tracked.attitude = None
     for i in range(3):

@@ -368,7 +368,7 @@ def test_an_autopilot_that_obeys_is_not_complained_about() -> None:
     assert complaints({"SYSID_MYGCS": 255.0}) == (1 + 2 * 4, [])
 
 
-def test_an_autopilot_that_would_ignore_us_is_told_of_once_with_the_way_out() -> None:
+def test_an_autopilot_that_would_ignore_us_is_reported_once_with_the_way_out() -> None:
     questions, reported = complaints({"SYSID_MYGCS": 254.0})
     assert questions == 1 + 2 * 4
     assert reported == [
@@ -407,7 +407,7 @@ def asked_of_mute(needs: Needs) -> tuple[dict[int, int], list[str], str]:
     return questions, reported, talk.inquiry.held_back()
 
 
-def test_a_mute_autopilot_is_told_of_once_and_holds_nothing_back() -> None:
+def test_a_mute_autopilot_is_reported_once_and_holds_nothing_back() -> None:
     needs = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=False)
     questions, reported, held_back = asked_of_mute(needs)
     assert max(questions.values()) <= 20  # 640 bytes a second, beside the streams
@@ -650,7 +650,7 @@ def test_in_lockstep_the_vehicle_s_time_is_the_time() -> None:
     assert talk.position.time_s == 4.98
 
 
-def test_a_new_clock_makes_what_was_timed_by_the_old_one_begin_anew() -> None:
+def test_a_new_clock_makes_what_was_timed_by_the_old_one_begin_again() -> None:
     talk = session(lockstep=True)
     hear(talk, MANUAL, 5000.0)
     talk.heartbeat_if_due(5000.0)

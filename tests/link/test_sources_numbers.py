@@ -218,7 +218,7 @@ def test_what_may_still_be_of_the_source_before_is_not_held_against_this_one(
 
 
 @pytest.mark.parametrize(("apart_m", "is_reported"), [(0.99, False), (1.05, True)])
-def test_live_sources_that_are_a_metre_apart_are_said_once(
+def test_live_sources_that_are_a_metre_apart_are_reported_once(
     apart_m: float, is_reported: bool
 ) -> None:
     sources = TwoSources()

@@ -65,7 +65,7 @@ def test_one_is_asked_for_at_a_time_and_the_next_once_it_is_answered_or_half_a_s
     assert asked(requests, 11.9) is None
 
 
-def test_an_urgent_one_comes_before_all_others_and_another_rate_is_asked_for_anew() -> None:
+def test_an_urgent_one_comes_before_all_others_and_another_rate_is_asked_for_again() -> None:
     requests = wanting(200.0, 50.0)
     requests.want(99, "NOW", 10.0, urgent=True)
     assert asked(requests, 10.0) == (99.0, 100000.0)
@@ -129,7 +129,7 @@ def test_what_is_no_refusal_gives_nothing_up(result: int) -> None:
     assert (stream.rate_hz, requests.notices) == (200.0, [])
 
 
-def test_a_rate_that_is_denied_is_asked_for_lower_at_once_and_told_once() -> None:
+def test_a_rate_that_is_denied_is_asked_for_lower_at_once_and_reported_once() -> None:
     requests = wanting(200.0)
     asked(requests, 10.0)
     requests.acknowledged(RESULT_DENIED, 10.1)

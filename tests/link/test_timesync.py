@@ -176,7 +176,7 @@ def test_answers_to_others_and_answers_twice_say_nothing() -> None:
     assert trip.round_trip_s != trip.round_trip_s
 
 
-def test_after_a_restart_the_way_is_measured_anew() -> None:
+def test_after_a_restart_the_way_is_measured_again() -> None:
     """Another autopilot, or another line, may be slower from its first answer on: no queue."""
     trip = RoundTrip()
 

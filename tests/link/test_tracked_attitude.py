@@ -202,7 +202,7 @@ def test_poses_are_taken_once_they_have_agreed_for_two_seconds(
 
 
 @pytest.mark.parametrize(("gap_s", "chosen"), [(0.049, True), (0.051, False)])
-def test_a_gap_of_five_hundredths_between_poses_begins_the_two_seconds_anew(
+def test_a_gap_of_five_hundredths_between_poses_begins_the_two_seconds_again(
     gap_s: float, chosen: bool
 ) -> None:
     tracked = steady(11.97)
@@ -291,7 +291,7 @@ def test_rates_of_a_tenth_of_a_second_ago_go_with_a_pose(
     assert known or all(rate != rate for rate in rates)
 
 
-def test_a_pose_that_is_refused_is_forgotten_and_the_next_one_begins_anew() -> None:
+def test_a_pose_that_is_refused_is_forgotten_and_the_next_one_begins_again() -> None:
     tracked = steady(11.5)
     assert tracked.used == 151
     tracked.take(rolled(1.0), 11.51, reported_at(11.51))
@@ -308,7 +308,7 @@ def test_a_pose_that_is_refused_is_forgotten_and_the_next_one_begins_anew() -> N
     assert tracked.used == 251
 
 
-def test_what_is_told_of_a_change_has_its_severity() -> None:
+def test_what_is_reported_of_a_change_has_its_severity() -> None:
     tracked = steady(12.5)
     assert tracked.notices == [(6, "attitude: the tracker's")]
     tracked.choose(13.0, reported_at(13.0))

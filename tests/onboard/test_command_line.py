@@ -198,7 +198,7 @@ def test_a_processor_that_is_there_may_be_asked_for(processor: int) -> None:
         ("--timeout", "soon", "a number of seconds above 0, 86400 at most"),
     ],
 )
-def test_what_cannot_be_had_is_said_with_what_can(
+def test_what_cannot_be_had_is_reported_with_what_can(
     option: str, value: str, allowed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = refused_option(capsys, f"{option}={value}")

@@ -234,7 +234,7 @@ def test_what_is_unfit_is_refused_but_for_who_forces_it_or_flies(bench: Bench) -
 # --- turned -------------------------------------------------------------------------------------
 
 
-def test_engaged_and_released_it_is_shown_and_said_on_the_console(bench: Bench) -> None:
+def test_engaged_and_released_it_is_shown_and_reported_on_the_console(bench: Bench) -> None:
     bench.switch.turn(ENGAGE, "system 255", 10.0, STATION)
     assert (bench.op_engage, bench.asked) == (1.0, [])
     bench.switch.turn(ENGAGE, "system 255", 10.1, STATION)  # again: how does it go?
@@ -419,7 +419,7 @@ def test_a_switch_that_falls_silent_in_flight_is_reported_and_ends_it(
     assert bench.engage != ends
 
 
-def test_a_silence_is_reported_anew_after_the_switch_was_there(bench: Bench) -> None:
+def test_a_silence_is_reported_again_after_the_switch_was_there(bench: Bench) -> None:
     with_switch(bench).pulse(10.0, MIDDLE)
     bench.flies()
     for now_s in (11.5, 12.0):

@@ -164,7 +164,7 @@ def test_with_another_clock_the_tracker_s_attitude_is_forgotten() -> None:
 # --- asked for ------------------------------------------------------------------------------------
 
 
-def test_what_the_tracker_asks_is_sent_and_its_words_are_told() -> None:
+def test_what_the_tracker_asks_is_sent_and_its_words_are_reported() -> None:
     scene = Scene()
     scene.tracker.notices = [(SEVERITY_WARNING, "no Motive")]
     scene.positions.ask(T_S)
@@ -205,7 +205,7 @@ def test_nothing_is_forwarded_where_the_site_does_not_ask_for_it() -> None:
     assert (scene.outbound, scene.texts) == ([], [])
 
 
-def test_why_nothing_is_forwarded_is_told() -> None:
+def test_why_nothing_is_forwarded_is_reported() -> None:
     scene = Scene(forward=Forward())
     scene.chosen.attitude = None
     scene.positions.forward(T_S + 0.01)

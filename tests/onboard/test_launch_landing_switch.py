@@ -360,7 +360,7 @@ def handed_over(flight: Flight, time_s: float) -> tuple[Firmware, Reported, Any]
 
 @pytest.mark.parametrize("since_s", [0.5, 2.9])
 @pytest.mark.parametrize("clock_s", [0.0, 4000.0, -95.0])
-def test_a_conversation_that_begins_anew_after_the_hand_over_is_no_false_alarm(
+def test_a_conversation_that_begins_again_after_the_hand_over_is_no_false_alarm(
     flight: Flight, since_s: float, clock_s: float
 ) -> None:
     """The autopilot has restarted, or our clock was set by so much: its mission is not known for
@@ -673,7 +673,7 @@ def test_it_is_not_asked_a_second_time_once_its_wind_is_seen_to_be_wrong(flight:
     assert home.reported.words == ["its wind is 8 m/s from the wrong side: we land"]
 
 
-def test_the_next_way_home_is_judged_anew(flight: Flight) -> None:
+def test_the_next_way_home_is_judged_again(flight: Flight) -> None:
     home = WayHome(flight)
     home.flies(LANDING, (0.0, -8.0), seconds=6)
     home.flies(SOARING, (0.0, 8.0), seconds=2)

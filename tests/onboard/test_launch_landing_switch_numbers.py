@@ -199,7 +199,7 @@ def test_a_break_is_shown_for_a_second(
     assert bench.values["ESC_START"] == SOAR_ON
 
 
-def test_the_second_begins_anew_with_another_clock(bench: Bench) -> None:
+def test_the_second_begins_again_with_another_clock(bench: Bench) -> None:
     bench.tick(modes.SOARING)
     bench.values["ESC_START"] = BREAK
     bench.tick(modes.LANDING, 0.5)
@@ -220,7 +220,7 @@ def reported(bench: Bench, *lefts_m: float, mode: int = modes.SOARING) -> list[s
     return [text.removeprefix("height left for the landing: ") for _, text in bench.texts]
 
 
-def test_the_height_left_is_said_at_5_2_and_0_m(bench: Bench) -> None:
+def test_the_height_left_is_reported_at_5_2_and_0_m(bench: Bench) -> None:
     assert reported(bench, 9.0, 5.1, 4.9, 3.0, 2.1, 1.9, 0.1, -0.1, -3.0) == [
         "4.9 m", "1.9 m", "-0.1 m"
     ]  # fmt: skip
@@ -228,13 +228,13 @@ def test_the_height_left_is_said_at_5_2_and_0_m(bench: Bench) -> None:
     assert {severity for severity, _ in bench.texts[:-1]} == {SEVERITY_NOTICE}
 
 
-def test_what_falls_through_several_at_once_is_said_once(bench: Bench) -> None:
+def test_what_falls_through_several_at_once_is_reported_once(bench: Bench) -> None:
     assert reported(bench, 9.0, 0.0) == ["0.0 m"]
     assert bench.texts[0][0] == SEVERITY_WARNING
     assert reported(bench, -1.0) == []
 
 
-def test_it_is_said_again_after_there_were_two_metres_more(bench: Bench) -> None:
+def test_it_is_reported_again_after_there_were_two_metres_more(bench: Bench) -> None:
     assert reported(bench, 4.9, 6.9, 4.9) == ["4.9 m"]
     assert reported(bench, 7.1, 4.9) == ["4.9 m"]
     assert reported(bench, 1.9, 3.9, 1.9) == ["1.9 m"]
@@ -256,6 +256,6 @@ def test_on_the_way_home_and_on_the_ground_nobody_is_told(bench: Bench) -> None:
     ("time_s", "words"),
     [(59.9, ", 0:59 min"), (60.0, ", 1:00 min"), (125.0, ", 2:05 min"), (inf, ""), (nan, "")],
 )
-def test_the_time_left_is_said_in_minutes(bench: Bench, time_s: float, words: str) -> None:
+def test_the_time_left_is_reported_in_minutes(bench: Bench, time_s: float, words: str) -> None:
     bench.tick(modes.SOARING, left=(3.14, time_s))
     assert bench.texts == [(SEVERITY_NOTICE, f"height left for the landing: 3.1 m{words}")]

@@ -205,7 +205,9 @@ def route_heartbeat() -> Any:
 # --- loss -----------------------------------------------------------------------------------------
 
 
-def test_the_share_that_was_lost_of_the_autopilots_frames_is_that_of_the_last_two_seconds() -> None:
+def test_the_fraction_that_was_lost_of_the_autopilots_frames_is_that_of_the_last_two_seconds() -> (
+    None
+):
     scene = Scene()
     scene.add().decoder.watch(AUTOPILOT)
     assert scene.links.loss == 0.0
@@ -255,7 +257,7 @@ def test_the_log_has_it_with_all_that_tells_how_link_and_loop_did() -> None:
     assert len(scene.recorder.reports) == 1
 
 
-def test_with_another_clock_the_two_seconds_begin_anew() -> None:
+def test_with_another_clock_the_two_seconds_begin_again() -> None:
     scene = Scene()
     scene.add()
     scene.measure(4000.0)

@@ -308,7 +308,7 @@ def test_fields_come_back_once_their_module_is_whole(monkeypatch: pytest.MonkeyP
         Kind.__annotations__ = before
 
 
-def test_where_nothing_was_compiled_the_source_flies_and_it_is_said(
+def test_where_nothing_was_compiled_the_source_flies_and_it_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(native, "_reported", "")

@@ -537,7 +537,7 @@ def test_a_fault_of_a_stream_is_reported_by_its_bit(flight: Flight) -> None:
     assert reported[-1] == DISARMED | WRONG << ATTITUDE_SHIFT
 
 
-def test_lost_frames_are_reported_as_a_share(flight: Flight) -> None:
+def test_lost_frames_are_reported_as_a_fraction(flight: Flight) -> None:
     codec = flight._vehicle
     for i in range(4000):
         flight.run(0.0005)

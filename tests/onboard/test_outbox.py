@@ -129,7 +129,7 @@ def test_an_answer_goes_where_its_asker_was_heard() -> None:
     assert [number for number, _ in scene.messages()] == [1, 2]
 
 
-def test_before_our_heartbeat_nothing_is_said_on_a_link() -> None:
+def test_before_our_heartbeat_nothing_is_reported_on_a_link() -> None:
     scene = Scene()
     scene.outbox.routes[0].greeted = False
     assert scene.outbox.say(WORDS, scene.outbox.routes[0]) == 0
@@ -182,7 +182,7 @@ def mavlink_2_only() -> Outbound:
 # --- words ----------------------------------------------------------------------------------------
 
 
-def test_words_are_told_on_all_links_on_the_console_and_in_the_log() -> None:
+def test_words_are_reported_on_all_links_on_the_console_and_in_the_log() -> None:
     scene = Scene()
     scene.outbox.tell(SEVERITY_WARNING, "no place to settle")
     assert scene.console == ["no place to settle"]
@@ -191,7 +191,7 @@ def test_words_are_told_on_all_links_on_the_console_and_in_the_log() -> None:
     assert sent == [(n, SEVERITY_WARNING, "no place to settle") for n in (0, 1)]
 
 
-def test_words_that_a_part_has_left_are_told_once() -> None:
+def test_words_that_a_part_has_left_are_reported_once() -> None:
     scene = Scene(1)
     notices = [(SEVERITY_INFO, "one"), (SEVERITY_WARNING, "two")]
     scene.outbox.tell_all(notices)

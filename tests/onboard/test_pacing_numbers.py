@@ -44,7 +44,7 @@ def test_alone_it_is_due_a_period_after_it_begins_and_on_a_grid() -> None:
     assert pacer.wake_s == pacer.expected_s == pytest.approx(20.0 + 6.0 * P)
 
 
-def test_another_rate_moves_the_deadline_and_asks_for_the_stream_anew() -> None:
+def test_another_rate_moves_the_deadline_and_asks_for_the_stream_again() -> None:
     pacer, last_s = locked()
     assert pacer.locked
     pacer.set_rate(100.0)

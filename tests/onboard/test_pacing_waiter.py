@@ -143,7 +143,7 @@ def test_time_before_the_loop_begins_is_no_delay_and_a_long_tick_is_counted() ->
         ("--spin", "a bit", "a bit: must be 0 to 2000 microseconds"),
     ],
 )
-def test_what_cannot_be_asked_for_is_said(
+def test_what_cannot_be_asked_for_is_reported(
     option: str, value: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):

@@ -38,7 +38,7 @@ def test_the_watchdog_runs_before_the_loop_and_a_simulated_world_after_it(
     assert PRIORITY + 1 == 61
 
 
-def test_without_the_right_to_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_right_to_it_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError
 

@@ -251,7 +251,7 @@ def test_in_lockstep_nothing_is_kept_on_time(
     assert (began_s, named["patient"]) == (0.0, True)
 
 
-def test_a_search_that_cannot_be_started_is_said_and_flown_without(flown: Process) -> None:
+def test_a_search_that_cannot_be_started_is_reported_and_flown_without(flown: Process) -> None:
     flown.refuses["search"] = OSError(11, "Resource temporarily unavailable")
     assert flown.run() == 0
     assert "no search for lift: Resource temporarily unavailable" in flown.words
@@ -335,7 +335,7 @@ def test_the_codes_are_those_that_the_service_and_the_page_know() -> None:
     assert codes == (0, 1, 2, 3, 4, 5)
 
 
-def test_a_file_that_is_wrong_is_said(
+def test_a_file_that_is_wrong_is_reported(
     flown: Process, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wrong = tmp_path / "site.toml"
@@ -462,7 +462,7 @@ def test_a_line_that_carries_the_flight_unsigned_may_be_too_slow_for_signatures(
         assert any(str(baud) in text for _, text in flown.first_words) == bool(secret.key_file)
 
 
-def test_a_contour_of_another_airframe_is_said(flown: Process, tmp_path: Path) -> None:
+def test_a_contour_of_another_airframe_is_reported(flown: Process, tmp_path: Path) -> None:
     flown.run(site=HILL)
     assert not any("no line is checked" in text for text in flown.words)
     other = tmp_path / "other.toml"
@@ -477,7 +477,7 @@ def test_a_contour_of_another_airframe_is_said(flown: Process, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("words", ["", "gains of pitch: sought for this aircraft"])
-def test_whose_gains_it_flies_with_is_said_where_there_is_something_to_say(
+def test_whose_gains_it_flies_with_is_reported_where_there_is_something_to_say(
     flown: Process, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
     monkeypatch.setattr(process, "gains_words", lambda *_: words)
@@ -512,7 +512,7 @@ class Store:
 @pytest.mark.parametrize(
     ("damaged", "severity"), [(False, SEVERITY_WARNING), (True, SEVERITY_ERROR)]
 )
-def test_stored_parameters_are_flown_with_and_said(
+def test_stored_parameters_are_flown_with_and_reported(
     flown: Process, monkeypatch: pytest.MonkeyPatch, damaged: bool, severity: int
 ) -> None:
     values = load_parameters(load_airframe(AIRFRAME), AIRFRAME, load_site(SITE), SITE)

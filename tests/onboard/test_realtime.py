@@ -31,7 +31,7 @@ def printed(code: str) -> str:
     return run.stdout
 
 
-def test_without_the_right_to_it_is_said_once_and_the_flight_goes_on() -> None:
+def test_without_the_right_to_it_is_reported_once_and_the_flight_goes_on() -> None:
     words = printed(
         "import gc, os, resource\n"
         "from tgl_soar.onboard import realtime\n"
@@ -49,7 +49,7 @@ def test_without_the_right_to_it_is_said_once_and_the_flight_goes_on() -> None:
     assert words[1] == "True False"
 
 
-def test_a_processor_that_is_not_there_is_said_too() -> None:
+def test_a_processor_that_is_not_there_is_reported_too() -> None:
     words = printed(
         "from tgl_soar.onboard import realtime\n"
         "print(*realtime.prepare(realtime.RealtimeOptions(processor=4000)), sep='\\n')"

@@ -70,7 +70,7 @@ def system(monkeypatch: pytest.MonkeyPatch) -> System:
     return System(monkeypatch)
 
 
-def test_with_the_right_to_all_of_it_nothing_is_said(system: System) -> None:
+def test_with_the_right_to_all_of_it_nothing_is_reported(system: System) -> None:
     assert realtime.prepare() == []
     assert system.schedule == (os.SCHED_FIFO, 60)
     assert system.affinity == {0, 1, 2, 3}  # no processor was asked for
@@ -97,7 +97,7 @@ def test_in_a_simulation_only_garbage_is_left_alone(system: System) -> None:
         (False, -1, "no real-time priority and no locked memory:"),
     ],
 )
-def test_what_could_not_be_had_is_said_with_the_way_to_it(
+def test_what_could_not_be_had_is_reported_with_the_way_to_it(
     system: System, may_have_priority: bool, answer: int, lacking: str
 ) -> None:
     system.may_have_priority, system.libc_answers = may_have_priority, answer

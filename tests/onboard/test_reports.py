@@ -114,7 +114,7 @@ def test_the_first_words_are_on_the_console_at_once_and_go_out_when_somebody_hea
     assert scene.texts == []
 
 
-def test_what_keeps_parameters_and_the_log_has_to_say_is_told_as_a_warning() -> None:
+def test_what_keeps_parameters_and_the_log_has_to_say_is_reported_as_a_warning() -> None:
     asked: list[Any] = []
 
     def poll(*given: Any) -> list[str]:
@@ -159,7 +159,7 @@ def test_ten_late_or_skipped_ticks_are_worth_a_word_where_telemetry_is_shed() ->
     assert other.load() == []
 
 
-def test_the_load_is_said_again_after_ten_seconds_of_what_came_since() -> None:
+def test_the_load_is_reported_again_after_ten_seconds_of_what_came_since() -> None:
     scene = Scene()
     scene.shedding.no_telemetry = True
     scene.ticks.late, scene.ticks.skipped = 15, 5
@@ -200,7 +200,7 @@ def test_ten_commands_that_were_left_out_are_a_line_that_is_too_slow() -> None:
         (FAILED, SEVERITY_ERROR),
     ],
 )
-def test_a_mode_is_said_with_its_reason_and_where_it_is_trouble_with_what_ails(
+def test_a_mode_is_reported_with_its_reason_and_where_it_is_trouble_with_what_ails(
     mode: int, severity: int
 ) -> None:
     output = tick(mode=mode, reason=REASON_OPERATOR, health={"faults": JUMP})
@@ -220,7 +220,7 @@ def foreseen(standing: int) -> dict[str, Any]:
     return {"standing": standing, "ahead_s": 4.0}
 
 
-def test_why_there_is_no_place_to_settle_is_said_where_that_ends_the_flight() -> None:
+def test_why_there_is_no_place_to_settle_is_reported_where_that_ends_the_flight() -> None:
     nowhere = foreseen(SETTLES + 1)
     (_, (severity, text)) = mode_words(tick(mode=READY, reason=REASON_NOWHERE, forecast=nowhere))
     assert severity == SEVERITY_WARNING
@@ -236,7 +236,7 @@ def severities(words: Any, *outputs: Output) -> list[list[int]]:
     return [[severity for severity, _ in words.look(output)] for output in outputs]
 
 
-def test_that_no_place_is_foreseen_is_said_once_and_so_is_its_end() -> None:
+def test_that_no_place_is_foreseen_is_reported_once_and_so_is_its_end() -> None:
     words = ForecastWords()
     good, bad = tick(forecast=foreseen(SETTLES)), tick(forecast=foreseen(SETTLES + 1))
     assert severities(words, good, bad, bad, good, good) == [
@@ -247,7 +247,7 @@ def test_that_no_place_is_foreseen_is_said_once_and_so_is_its_end() -> None:
     assert words.look(good) == [(SEVERITY_INFO, "a place to settle is foreseen again")]
 
 
-def test_what_ended_the_flight_is_not_said_twice_nor_its_end_on_the_ground() -> None:
+def test_what_ended_the_flight_is_not_reported_twice_nor_its_end_on_the_ground() -> None:
     words = ForecastWords()
     bad = tick(forecast=foreseen(SETTLES + 1))
     ended = bad._replace(reason=REASON_NOWHERE)
@@ -255,7 +255,7 @@ def test_what_ended_the_flight_is_not_said_twice_nor_its_end_on_the_ground() -> 
     assert severities(words, ended, bad, on_the_ground) == [[], [], []]
 
 
-def test_another_way_to_have_no_place_is_said_anew() -> None:
+def test_another_way_to_have_no_place_is_reported_again() -> None:
     words = ForecastWords()
     ways = [tick(forecast=foreseen(SETTLES + k)) for k in (1, 2)]
     assert severities(words, *ways) == [[SEVERITY_WARNING]] * 2
@@ -268,7 +268,7 @@ def shifted(x: float, y: float, z: float) -> Output:
     return tick(quality={"shift_x_m": x, "shift_y_m": y, "shift_z_m": z})
 
 
-def test_each_reset_of_the_position_is_said_by_how_much_it_moved_since_the_last() -> None:
+def test_each_reset_of_the_position_is_reported_by_how_much_it_moved_since_the_last() -> None:
     words = FrameWords()
     assert words.look(shifted(0.0, 0.0, 0.0)) == []
     ((severity, text),) = words.look(shifted(1.26, -2.0, -0.01))
@@ -280,7 +280,7 @@ def test_each_reset_of_the_position_is_said_by_how_much_it_moved_since_the_last(
 
 
 @pytest.mark.parametrize("moved", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
-def test_from_the_first_tick_a_shift_in_flight_is_said_and_on_the_ground_it_is_not(
+def test_from_the_first_tick_a_shift_in_flight_is_reported_and_on_the_ground_it_is_not(
     moved: tuple[float, float, float],
 ) -> None:
     assert len(FrameWords().look(shifted(*moved))) == 1
@@ -289,7 +289,7 @@ def test_from_the_first_tick_a_shift_in_flight_is_said_and_on_the_ground_it_is_n
     assert words.look(shifted(*moved)) == []  # it is known by then
 
 
-def test_dead_reckoning_is_said_once_and_its_end_too() -> None:
+def test_dead_reckoning_is_reported_once_and_its_end_too() -> None:
     words = ReckoningWords()
     measured, reckoned = (tick(quality={"reckoned_s": s}) for s in (0.0, 0.3))
     assert severities(words, measured, reckoned, reckoned, measured, measured) == [
@@ -305,7 +305,7 @@ def test_dead_reckoning_is_said_once_and_its_end_too() -> None:
 # --- point and throttle ---------------------------------------------------------------------------
 
 
-def test_each_change_of_the_point_is_said_and_what_is_not_as_asked_is_a_warning() -> None:
+def test_each_change_of_the_point_is_reported_and_what_is_not_as_asked_is_a_warning() -> None:
     words = PointWords()
     assert words.look(tick(point={"standing": LINE_ONLY})) == []
     for standing in (*range(1, len(POINT_TEXTS)), LINE_ONLY):
@@ -320,7 +320,7 @@ def power(standing: int, called: int = NOT_CALLED) -> Output:
     return tick(throttle={"standing": standing, "called": called, "used_s": 2.34})
 
 
-def test_the_throttle_is_said_as_it_opens_why_and_as_it_closes_with_what_it_used() -> None:
+def test_the_throttle_is_reported_as_it_opens_why_and_as_it_closes_with_what_it_used() -> None:
     words = PowerWords()
     reported = [
         words.look(power(*state))
@@ -344,14 +344,14 @@ def test_the_throttle_is_said_as_it_opens_why_and_as_it_closes_with_what_it_used
 
 
 @pytest.mark.parametrize("standing", [OPEN, CLOSED])
-def test_a_budget_that_is_used_up_is_said_once(standing: int) -> None:
+def test_a_budget_that_is_used_up_is_reported_once(standing: int) -> None:
     words = PowerWords()
     words.look(power(standing, HOME))
     assert words.look(power(USED_UP)) == [(SEVERITY_WARNING, "throttle used up: 2.3 s")]
     assert words.look(power(USED_UP)) == []
 
 
-def test_one_that_opens_by_nothing_or_was_off_or_used_up_before_is_not_said() -> None:
+def test_one_that_opens_by_nothing_or_was_off_or_used_up_before_is_not_reported() -> None:
     """Ramps at its end call for nothing; a budget that is given in flight opens nothing."""
     words = PowerWords()
     assert words.look(power(OPEN)) == []

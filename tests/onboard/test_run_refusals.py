@@ -19,7 +19,7 @@ from tgl_soar.onboard.process import (
 )
 
 
-def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_in_use_is_reported_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         link = f"udp:127.0.0.1:{other.getsockname()[1]}"
@@ -27,7 +27,7 @@ def test_a_port_in_use_is_said_without_a_traceback(capsys: pytest.CaptureFixture
     assert "is in use" in capsys.readouterr().err
 
 
-def test_a_missing_file_is_said_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_file_is_reported_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["--airframe", "none.toml", "--site", str(SITE), "--link", "udp:127.0.0.1:1"]
     assert main(command) == EXIT_CANNOT_START
     assert "none.toml" in capsys.readouterr().err
@@ -46,7 +46,7 @@ def test_a_key_that_others_can_read_is_refused(
     assert "others may read" in capsys.readouterr().err
 
 
-def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
+def test_a_key_file_that_no_system_can_look_at_is_reported_without_a_traceback(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     key = "k" * 300  # no name of a file is so long
@@ -56,7 +56,7 @@ def test_a_key_file_that_no_system_can_look_at_is_said_without_a_traceback(
 
 
 @pytest.mark.parametrize("lacks", ["", "stall_alpha_rad"])
-def test_a_model_in_part_is_said_as_then_nothing_is_foreseen(
+def test_a_model_in_part_is_reported_as_then_nothing_is_foreseen(
     lacks: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     airframe = tmp_path / "airframe.toml"

@@ -431,7 +431,7 @@ def test_the_operators_line_is_theirs(bench: Bench) -> None:
     ],
 )
 @pytest.mark.parametrize("standing", [SEARCH_LOOKS, SEARCH_SOARS, SEARCH_GIVEN_UP, SEARCH_OFF])
-def test_without_a_line_it_is_over_and_said_where_it_was_under_way(
+def test_without_a_line_it_is_over_and_reported_where_it_was_under_way(
     bench: Bench, mode: int, where: str, standing: int
 ) -> None:
     bench.searches()

@@ -43,7 +43,7 @@ def test_by_an_attitude_route_no_elevator_is_ours_to_judge() -> None:
         assert "the autopilot's own loops hold the attitude" in bounds.warning(VALUES)
 
 
-def test_what_is_not_judged_is_said_at_start() -> None:
+def test_what_is_not_judged_is_reported_at_start() -> None:
     unknown = setup_from(AIRFRAME, SITE, VALUES.changed({"DYN_PATH": 0.0}))
     words = [text for _, text in process._words_of_place(unknown)]
     assert "no margin is judged: of the airframe DYN_PATH is not known" in words

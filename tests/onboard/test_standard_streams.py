@@ -49,7 +49,7 @@ def test_no_words_for_the_console_go_into_the_serial_line(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is full, as Linux has it")
-def test_a_full_disk_is_said_in_a_line() -> None:
+def test_a_full_disk_is_reported_in_a_line() -> None:
     with Path("/dev/full").open("wb") as full:
         words = [sys.executable, "-m", "tgl_soar.cli", "polar", "show"]
         done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)

@@ -72,7 +72,7 @@ def test_without_a_station_it_cannot_be_engaged_then(flight: Flight) -> None:
     assert flight.mode_now == CAPTURING
 
 
-def test_where_no_station_was_ever_there_nothing_is_said(flight: Flight) -> None:
+def test_where_no_station_was_ever_there_nothing_is_reported(flight: Flight) -> None:
     """Engaged by the pilot's switch, say: nobody waits for a station."""
     flight.engaged()
     flight.outbound()

@@ -329,7 +329,7 @@ def test_no_mode_is_asked_for_where(engage: bool, ready: bool, mode: int) -> Non
     assert scene.outbox.take() == []
 
 
-def test_a_mode_that_is_on_its_way_is_not_begun_anew() -> None:
+def test_a_mode_that_is_on_its_way_is_not_begun_again() -> None:
     scene = Scene("attitude")
     for _ in range(3):
         scene.change()
@@ -357,7 +357,7 @@ def test_why_a_mode_did_not_come_is_returned_once() -> None:
     assert scene.change(engage=False) == ""
 
 
-def test_a_mode_that_a_failsafe_gives_back_is_left_again_and_said() -> None:
+def test_a_mode_that_a_failsafe_gives_back_is_left_again_and_reported() -> None:
     scene = Scene("attitude")
     scene.custom_mode = GUIDED
     scene.tick(active=True)

@@ -112,7 +112,7 @@ def test_its_line_is_slow_and_in_the_parameters_that_all_see() -> None:
     assert "line moves" not in "".join(texts(messages))
 
 
-def test_a_line_that_an_operator_sends_away_from_a_survey_is_captured_anew() -> None:
+def test_a_line_that_an_operator_sends_away_from_a_survey_is_captured_again() -> None:
     flight = soaring()
     flight.set("SRV_START", 1.0)
     flight.run(8.0)

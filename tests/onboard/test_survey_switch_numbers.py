@@ -178,7 +178,7 @@ def test_without_one_nothing_is_looked_at(bench: Bench) -> None:
     [(survey.AT_FENCE, SEVERITY_INFO), (survey.REACHED, SEVERITY_INFO),
      (survey.DRIFTS, SEVERITY_WARNING), (survey.OFF_LINE, SEVERITY_WARNING)],
 )  # fmt: skip
-def test_a_turn_is_said_and_shown(
+def test_a_turn_is_reported_and_shown(
     bench: Bench, standing: int, way: str, reason: int, severity: int
 ) -> None:
     bench.surveys()

@@ -52,7 +52,7 @@ def test_the_array_holds_each_number_under_its_name() -> None:
     assert reported["faults"] == health.faults
 
 
-def test_the_wind_is_told_with_what_of_it_is_estimated_across() -> None:
+def test_the_wind_is_reported_with_what_of_it_is_estimated_across() -> None:
     west = SoaringFrame(0.0, 0.0, 0.0, radians(270.0))
     air = NO_AIR._replace(wind_mps=7.0, cross_wind_mps=2.0, updraft_mps=1.0)
     message = wind_cov(air, west, 1.0)  # to the right of who faces west is north

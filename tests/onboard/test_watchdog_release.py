@@ -129,7 +129,7 @@ def guided() -> ModuleSetup:
 # --- the release ----------------------------------------------------------------------------------
 
 
-def test_the_channels_are_given_back_a_few_times_and_then_it_is_said(scene: Scene) -> None:
+def test_the_channels_are_given_back_a_few_times_and_then_it_is_reported(scene: Scene) -> None:
     scene.hand_over()
     *releases, words = scene.link.outbound()
     assert len(releases) == RELEASE_FRAMES
@@ -170,7 +170,7 @@ def test_a_stream_is_released_until_a_cut_frame_has_ended_at_once(scene: Scene) 
     assert sum(at_once) < 2 * WHOLE_FRAME
 
 
-def test_a_link_that_cannot_be_opened_is_said_and_nothing_else(
+def test_a_link_that_cannot_be_opened_is_reported_and_nothing_else(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:
@@ -292,7 +292,7 @@ def test_a_route_without_a_mode_of_its_own_asks_and_waits_for_none(scene: Scene)
     assert {m.get_type() for m in scene.link.outbound()} == {"RC_CHANNELS_OVERRIDE", "STATUSTEXT"}
 
 
-def test_a_mode_that_is_not_left_is_said(scene: Scene) -> None:
+def test_a_mode_that_is_not_left_is_reported(scene: Scene) -> None:
     scene.link.mode, scene.link.leaves = GUIDED, False
     scene.hand_over(flown=guided())
     words = scene.link.outbound("STATUSTEXT")

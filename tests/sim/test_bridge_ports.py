@@ -159,7 +159,7 @@ def test_a_second_port_that_cannot_be_had_leaves_the_first_free() -> None:
         Port("ground", "--gcs-local", free, ground=True).socket.close()
 
 
-def test_a_name_that_is_no_host_is_said_and_leaves_both_ports_free(
+def test_a_name_that_is_no_host_is_reported_and_leaves_both_ports_free(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def unknown(_host: str) -> str:

@@ -67,7 +67,7 @@ def test_what_counts_its_arrays_is_there() -> None:
     assert {"keep_sample", "delivered", "fly_given", "fly_ticks"} == COUNTED
 
 
-def test_without_numba_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_numba_it_is_reported_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "find_spec", lambda _name: None)
     assert not available()
     monkeypatch.setattr(module, "find_spec", lambda name: object() if name == "numba" else None)

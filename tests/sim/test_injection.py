@@ -79,14 +79,14 @@ def test_reordering_lets_later_ones_overtake_and_loses_none() -> None:
     assert items != sorted(items)
 
 
-def test_duplicates_come_twice_and_in_the_share_asked_for() -> None:
+def test_duplicates_come_twice_and_in_the_fraction_asked_for() -> None:
     items = [item for _, item in passed("link.duplicate start=0 for=9 share=0.3 by=0.02")]
     assert set(items) == set(range(300))
     # 300 draws of 0.3: three standard deviations are 24.
     assert len(items) - 300 == pytest.approx(90, abs=24)
 
 
-def test_loss_takes_the_share_asked_for() -> None:
+def test_loss_takes_the_fraction_asked_for() -> None:
     items = [item for _, item in passed("link.loss start=0 for=9 share=0.3")]
     assert len(set(items)) == len(items) == pytest.approx(210, abs=24)
 

@@ -91,7 +91,7 @@ def test_delays_add_up_and_keep_the_order() -> None:
 
 
 @pytest.mark.parametrize(("draws", "lost"), [(0.29, True), (0.31, False)])
-def test_a_share_is_of_all_that_passes(draws: float, lost: bool) -> None:
+def test_a_fraction_is_of_all_that_passes(draws: float, lost: bool) -> None:
     made = channel("link.loss start=0 for=1 share=0.3", draws=draws)
     made.send(0.0, "a")
     assert made.arrived(9.0) == ([] if lost else ["a"])
@@ -361,7 +361,7 @@ def test_half_a_brake_that_stays_moves_by_half_and_rolls_by_the_difference() -> 
 # --- when and where -------------------------------------------------------------------------------
 
 
-def test_each_turn_is_told_once() -> None:
+def test_each_turn_is_reported_once() -> None:
     injection = Injection(parse_faults(["link.up start=1 for=1", "link.down start=1 for=2"]))
     first, second = injection.faults
     reported = [injection.turns(now) for now in (0.0, 1.0, 1.5, 2.0, 3.0, 4.0)]
@@ -375,7 +375,7 @@ def test_each_turn_is_told_once() -> None:
     ]
 
 
-def test_a_fault_that_is_over_before_anybody_looks_is_told_whole() -> None:
+def test_a_fault_that_is_over_before_anybody_looks_is_reported_whole() -> None:
     injection = Injection(parse_faults(["link.up start=1 for=0.001"]))
     assert [begins for _, begins in injection.turns(5.0)] == [True, False]
 

@@ -143,7 +143,7 @@ def test_a_client_may_ask_for_an_older_version(
         assert aircraft_of(decoded(frame.data, spoken)).pos == pytest.approx(IN_HALL)
 
 
-def test_who_the_server_is_and_where_it_streams_is_said() -> None:
+def test_who_the_server_is_and_where_it_streams_is_reported() -> None:
     motive = motive_with(multicast=True, group="239.1.2.3", data_port=1600)
     motive.receive(request(CONNECT), CLIENT, CLOCK_S, 0.0)
     (info,) = motive.take_datagrams()
@@ -310,7 +310,7 @@ def test_a_body_lies_in_the_aircraft_a_third_of_a_degree_off_and_stays_so() -> N
         assert pstdev(turn[axis] for turn in turns) == pytest.approx(made_rad, rel=0.17)
 
 
-def test_frames_are_lost_and_poses_untracked_in_the_share_asked_for() -> None:
+def test_frames_are_lost_and_poses_untracked_in_the_fraction_asked_for() -> None:
     motive = motive_with(loss=0.3, untracked=0.2)
     frames = streamed(motive, 10.0)
     assert motive.counts["frames"] == len(frames)
@@ -381,7 +381,7 @@ def test_a_jump_is_one_and_a_half_metres_along_the_hall() -> None:
         assert (y, z) == pytest.approx(IN_HALL[1:])
 
 
-def test_swapped_numbers_are_told_of_when_they_change_and_change_back() -> None:
+def test_swapped_numbers_are_reported_when_they_change_and_change_back() -> None:
     # From 4.0 on `natnet` takes a time stamp of two numbers for the flags behind it.
     frames = streamed(motive_with(HallFault("swap", 0.2, 0.3), version=(3, 1)), 0.5)
     announced = [frame for frame in frames if frame.suffix.tracked_models_changed]
@@ -413,7 +413,7 @@ def test_late_frames_come_six_tenths_of_a_second_later() -> None:
 
 
 @pytest.mark.parametrize(("restarted_clock", "apart_s"), [(True, 1000.0), (False, 0.0)])
-def test_a_restarted_server_forgets_its_clients_and_counts_anew(
+def test_a_restarted_server_forgets_its_clients_and_counts_again(
     restarted_clock: bool, apart_s: float
 ) -> None:
     assert MotiveOptions().restarted_clock

@@ -255,7 +255,7 @@ def test_after_a_hiccup_of_the_machine_the_leg_is_flown_again() -> None:
     assert operator.flown[1].ended_s - operator.flown[1].stopped_s >= LEG.stay_s
 
 
-def test_it_engages_anew_only_so_often_and_only_after_a_hiccup() -> None:
+def test_it_engages_again_only_so_often_and_only_after_a_hiccup() -> None:
     operator = Operator([LEG] * 9, 1, 191, again=1)
     module = Module(operator)
     run(module, 3.0)

@@ -346,7 +346,7 @@ def test_a_search_has_found_when_it_says_so_and_is_soared_at() -> None:
     assert not flown.by_hand
 
 
-def test_a_place_that_is_gone_is_searched_for_anew() -> None:
+def test_a_place_that_is_gone_is_searched_for_again() -> None:
     wire = Wire([SEARCH])
     wire.engaged()
     wire.has(SRCH_START=2.0)

@@ -116,7 +116,7 @@ def test_the_rudder_heads_for_the_middle_and_upwind(
     assert found.rudder == pytest.approx(rudder)
 
 
-def test_who_has_handed_over_begins_anew_where_they_take_over() -> None:
+def test_who_has_handed_over_begins_again_where_they_take_over() -> None:
     flown = Flown()
     for _ in range(500):
         flown.sticks(flown.moved(0.2))

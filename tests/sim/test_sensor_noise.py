@@ -218,7 +218,7 @@ def test_a_pitot_tube_errs_in_pressure() -> None:
 
 
 @pytest.mark.parametrize(("lost", "is_lost"), [(0.57, False), (0.58, True), (0.0, False)])
-def test_a_distance_is_lost_by_the_share_of_numbers_below_its_own(
+def test_a_distance_is_lost_by_the_fraction_of_numbers_below_its_own(
     lost: float, is_lost: bool
 ) -> None:
     """The second number is 0.2; 57.9 % of all are less."""

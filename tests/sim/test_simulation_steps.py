@@ -315,7 +315,7 @@ def test_the_pilot_takes_over_in_fbwa_and_gives_back_in_manual() -> None:
     assert set(modes[62:]) == {MANUAL}
 
 
-def test_a_duplicate_has_run_for_an_hour_longer_and_is_heard_while_its_fault_acts() -> None:
+def test_a_duplicate_has_run_for_an_hour_longer_and_is_received_while_its_fault_acts() -> None:
     assert DUPLICATE_UPTIME_S == 3600.0
     simulation = simulated("autopilot.second start=0.5 for=0.5")
     request = mavlink.MAVLink_command_long_message(1, 1, 511, 0, 31, 5000.0, 0, 0, 0, 0, 0)

@@ -97,7 +97,7 @@ def test_a_hall_streams_to_the_module(tmp_path: Path, monkeypatch: pytest.Monkey
     assert value(bridge, "--mocap-local") != bridge[bridge.index("--gcs") + 1]
 
 
-def test_the_address_is_told_once_and_all_are_ended_with_the_flight(
+def test_the_address_is_reported_once_and_all_are_ended_with_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     processes, addresses, naps = hosted(tmp_path, monkeypatch)

@@ -12,7 +12,7 @@ FULL = Path("/dev/full")  # takes a file's beginning, and nothing that is writte
 REFUSED = "/dev/full: cannot be written: No space left on device"
 
 
-def test_a_full_disk_is_told_once_and_what_is_closed_then_stays_so() -> None:
+def test_a_full_disk_is_reported_once_and_what_is_closed_then_stays_so() -> None:
     log = TruthLog(FULL, ["time_s", "x_m"])
 
     def fill() -> None:
@@ -24,7 +24,7 @@ def test_a_full_disk_is_told_once_and_what_is_closed_then_stays_so() -> None:
     log.close()
 
 
-def test_a_full_disk_that_only_the_end_finds_is_told_there() -> None:
+def test_a_full_disk_that_only_the_end_finds_is_reported_there() -> None:
     log = TruthLog(FULL, ["time_s"])
     log.add((0.0,))
     with pytest.raises(TruthLogError, match=REFUSED):

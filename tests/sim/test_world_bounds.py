@@ -114,7 +114,7 @@ def world(site: Any = TUNNEL, **options: Any) -> World:
         (TUNNEL, (0.0, 0.0, nan), "the simulation lost the aircraft: its place is not a number"),
     ],
 )
-def test_a_lost_aircraft_is_told_of_by_place_and_cause(
+def test_a_lost_aircraft_is_reported_by_place_and_cause(
     site: Any, place: tuple[float, float, float], why: str
 ) -> None:
     made = world(site)

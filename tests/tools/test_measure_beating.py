@@ -85,7 +85,7 @@ def modes(times: Any, again_s: float = 20.0) -> Any:
     return np.where(beats, float(BEATING), float(SOARING))
 
 
-def test_a_flight_is_told_in_a_row(tmp_path: Path) -> None:
+def test_a_flight_is_reported_in_a_row(tmp_path: Path) -> None:
     _, _, values = load_flight(airframe_file("eclipson_c"), site_of(tmp_path, 1))
     flight = truth()
     found = outcome(flight, modes(flight["time_s"]), values)

@@ -68,7 +68,7 @@ def test_the_report_says_what_was_measured() -> None:
     assert "210.0 MiB after 1,001 of them and 211.0 MiB after the last" in page
 
 
-def test_without_the_long_campaign_nothing_is_said_of_it() -> None:
+def test_without_the_long_campaign_nothing_is_reported_of_it() -> None:
     page = report(rounds(), [], 1000)
     assert "MiB" not in page
     assert "compiled" not in page

@@ -71,7 +71,7 @@ def test_the_mission_lands_at_the_landing_place(tmp_path: Path) -> None:
     assert [item.command for item in read_mission(path)] == [16, 16]
 
 
-def test_a_flight_is_told_in_a_row() -> None:
+def test_a_flight_is_reported_in_a_row() -> None:
     flight = truth()
     found = outcome(flight, modes(flight["time_s"]), MODE_MISSION, VALUES)
     assert found.taken_s == pytest.approx(3.0, abs=0.03)
@@ -101,7 +101,7 @@ def test_what_did_not_happen_has_no_numbers() -> None:
     assert isnan(never.taken_s)
 
 
-def test_what_the_module_said_of_it() -> None:
+def test_what_the_module_reported_of_it() -> None:
     log = (
         "tgl_soar: landing: away from the slope\n"
         "tgl_soar: released: autopilot mode changed\n"

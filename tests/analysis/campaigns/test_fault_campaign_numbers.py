@@ -304,7 +304,7 @@ def flown(
     return found, loop, asked
 
 
-def test_a_flight_lasts_as_long_as_it_is_told_and_is_told_of(
+def test_a_flight_lasts_as_long_as_it_is_asked_and_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found, loop, ((job, injection, duration_s),) = flown(monkeypatch, [output()])
@@ -472,7 +472,7 @@ def test_a_section_tells_counts_and_survivals_in_per_cent() -> None:
     assert bare.endswith("| |\n")
 
 
-def test_a_survival_is_a_share_of_its_flights() -> None:
+def test_a_survival_is_a_fraction_of_its_flights() -> None:
     made = Survival(fault="f", turbulence=0.01, aboard="a", flights=8, survived=6)
     assert made.fraction == 0.75
     assert replace(made, survived=8).interval[1] == 1.0

@@ -118,7 +118,7 @@ def test_memory_has_grown_since_the_first_part() -> None:
 # --- a short one ----------------------------------------------------------------------------------
 
 
-def test_it_wraps_half_way_and_is_told_of_in_24_parts() -> None:
+def test_it_wraps_half_way_and_is_reported_in_24_parts() -> None:
     parts: list[e.Part] = []
     flight = e.fly_long(2.4, on_part=parts.append)
     assert flight.wrapped

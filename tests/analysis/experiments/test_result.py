@@ -190,13 +190,13 @@ def test_a_section_with_dispersed_aircraft_says_what_they_are() -> None:
     assert DISPERSED_WORDS in with_result(marks, both, "name", {})
 
 
-def test_what_both_models_say_alike_is_said_once() -> None:
+def test_what_both_models_say_alike_is_reported_once() -> None:
     text = as_markdown(replace(result(YES), also={POINT_MASS: result(YES)}), "images")
     assert text.count("because.") == 1
     assert "Point mass*" not in text
 
 
-def test_what_dispersion_changes_is_said_in_words() -> None:
+def test_what_dispersion_changes_is_reported_in_words() -> None:
     otherwise = replace(YES, holds=False, measured="9 cm")
     text = as_markdown(
         replace(result(YES, NO), also={DISPERSED_AIRCRAFT: result(otherwise, NO)}), ""

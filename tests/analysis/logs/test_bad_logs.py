@@ -184,7 +184,7 @@ def test_an_angle_or_a_time_that_is_called_a_text_is_none(tmp_path: Path, letter
     assert "the log holds no attitude" in flight.missing
 
 
-def test_a_number_described_anew_does_not_change_what_came_before(tmp_path: Path) -> None:
+def test_a_number_described_again_does_not_change_what_came_before(tmp_path: Path) -> None:
     shorter = (129, "QB", "TimeUS,Roll", bytes(9))
     flight = dataflash(tmp_path, (129, "Qfff", ATT, LEVEL), shorter)
     assert flight.attitude is not None

@@ -286,7 +286,7 @@ def test_modes_are_those_of_a_fixed_wing() -> None:
     assert read(older.head, older(at(0.0), 5)).autopilot_modes == (LoggedMode(0.0, "FBWA"),)
 
 
-def test_messages_events_and_errors_are_told_in_order() -> None:
+def test_messages_events_and_errors_are_reported_in_order() -> None:
     flight = read(
         *(MSG.head, EV.head, ERR.head),
         MSG(at(0.0), text("ArduPlane V4.5 ")),
@@ -320,13 +320,13 @@ def test_a_parameters_first_value_is_its_own_and_the_others_are_changes() -> Non
     assert "3" in change.text
 
 
-def test_what_the_writer_dropped_is_told() -> None:
+def test_what_the_writer_dropped_is_reported() -> None:
     flight = read(DSF.head, DSF(at(0.0), 3), DSF(at(1.0), 8), DSF(at(2.0), 8))
     assert "the writer dropped 8 records" in flight.lost
     assert read(DSF.head, DSF(at(0.0), 0)).lost == ()
 
 
-def test_losses_of_the_file_and_of_its_clock_are_told_too() -> None:
+def test_losses_of_the_file_and_of_its_clock_are_reported_too() -> None:
     flight = read(b"xyz", ARSP.head, *(ARSP(at(0.1 * n), 8.0) for n in range(10)))
     assert len(flight.lost) == 1
     assert flight.lost[0].startswith("3 of ")

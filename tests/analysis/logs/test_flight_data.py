@@ -89,7 +89,7 @@ def test_every_series_that_may_be_there_is_found_and_has_words() -> None:
 
 
 @pytest.mark.parametrize("name", COLUMNS)
-def test_what_is_missing_is_said_once_and_what_is_there_is_not(name: str) -> None:
+def test_what_is_missing_is_reported_once_and_what_is_there_is_not(name: str) -> None:
     before = flight(missing=("a note",))
     assert with_missing(before, (name,)).missing == ("a note", f"the log holds no {WORDS[name]}")
     there = flight(**{name: of([0.0], v=[0.0])})
@@ -203,7 +203,7 @@ def test_e_rho_is_the_distance_to_the_line_above_it_positive() -> None:
     assert there.tracking.source == "made up and made up"
 
 
-def test_e_rho_that_was_told_stays_and_without_path_or_line_there_is_none() -> None:
+def test_e_rho_that_was_reported_stays_and_without_path_or_line_there_is_none() -> None:
     path = of([0.0], x_m=[0.0], y_m=[0.0], z_m=[0.0])
     line = of([0.0], x_m=[0.0], z_m=[1.0], eta_rad=[0.0], moving=[0.0])
     logged = of([0.0], e_rho_m=[0.7])
@@ -242,7 +242,7 @@ def test_pulses_are_deflections_about_the_trim(name: str, backward: bool, sign: 
     assert there.brake is None
 
 
-def test_commands_that_the_log_tells_stay_and_a_channel_that_is_not_told_gives_none() -> None:
+def test_commands_that_the_log_tells_stay_and_a_channel_that_is_not_reported_gives_none() -> None:
     outputs = moved(2, [1400.0])
     logged = of([0.0], elevator=[0.1], aileron=[0.0], rudder=[0.0])
     surfaces = Surfaces(**PLAIN)
@@ -282,7 +282,7 @@ def test_a_brake_is_read_from_the_pulses_beside_commands_that_the_log_tells() ->
 # --- changes --------------------------------------------------------------------------------------
 
 
-def test_modes_are_told_where_they_change() -> None:
+def test_modes_are_reported_where_they_change() -> None:
     found = changes_of(np.array([0.0, 1.0, 2.0, 3.0]), ["a", "a", "b", "a"])
     assert found == (LoggedMode(0.0, "a"), LoggedMode(2.0, "b"), LoggedMode(3.0, "a"))
     assert mode_words(np.array([0.0, 4.0, 250.0])) == ["boot", "soaring", "mode 250"]

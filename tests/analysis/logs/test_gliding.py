@@ -84,7 +84,7 @@ def without(name: str) -> FlightData:
 
 
 @pytest.mark.parametrize("name", ["attitude", "velocity"])
-def test_what_a_log_lacks_is_said(name: str) -> None:
+def test_what_a_log_lacks_is_reported(name: str) -> None:
     with pytest.raises(ValueError, match="the log holds no"):
         glides(without(name))
     with pytest.raises(ValueError, match="the log holds no"):

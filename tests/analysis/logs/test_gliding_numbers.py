@@ -318,7 +318,7 @@ def rates(n: int, value: float, **columns: Any) -> Series | None:
 
 
 @pytest.mark.parametrize(("of_imu", "of_rates", "value"), [(300, 200, 1.0), (200, 300, 2.0)])
-def test_the_pitch_rate_is_that_which_is_told_oftenest(
+def test_the_pitch_rate_is_that_which_is_reported_oftenest(
     of_imu: int, of_rates: int, value: float
 ) -> None:
     forces = dict.fromkeys(("force_x_frd_mps2", "force_z_frd_mps2"), 0.0 * T)

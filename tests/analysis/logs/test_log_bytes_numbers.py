@@ -41,7 +41,7 @@ def test_less_than_a_messages_head_at_the_end_is_cut_off(cut: int) -> None:
     assert len(found.topics["pose"]["x"]) == 12
 
 
-def test_of_leaps_of_the_clock_ten_are_told() -> None:
+def test_of_leaps_of_the_clock_ten_are_reported() -> None:
     pytest.importorskip("pyulog")
     found = log(*(pose(70_000_000 * n, 0.0) for n in range(13)))
     assert len(found.losses) == 10
@@ -135,7 +135,7 @@ def test_a_mode_that_is_no_number_is_none() -> None:
     assert read(odd.head, odd(at(0.0), text("FBWA"))).autopilot_modes == ()
 
 
-def test_events_of_one_time_are_all_told() -> None:
+def test_events_of_one_time_are_all_reported() -> None:
     flight = read(
         *(MSG.head, EV.head, ERR.head, MODE.head),
         *(MSG(at(0.0), text("one")), EV(at(0.0), 10), ERR(at(0.0), 3, 2), MODE(at(0.0), 0, 11)),

@@ -84,7 +84,7 @@ def test_every_series_of_the_ticks_has_its_own_columns(kind: str) -> None:
         assert found[name] == pytest.approx(expected, nan_ok=True), name
 
 
-def test_modes_are_told_where_they_change() -> None:
+def test_modes_are_reported_where_they_change() -> None:
     flight = read()
     assert flight.modes == (LoggedMode(0.0, "ready"), LoggedMode(about(0.5), "soaring"))
     assert flight.kind == "flight log of the module (ULog)"
@@ -102,7 +102,7 @@ def test_modes_and_reasons_are_those_of_the_version_that_wrote_the_log() -> None
     assert event.text == "gliding: because"
 
 
-def test_why_the_mode_changed_is_told_unless_words_said_so() -> None:
+def test_why_the_mode_changed_is_reported_unless_words_said_so() -> None:
     reason = np.zeros(N, dtype=int)
     reason[5], reason[9] = 2, 3
     texts = [f"soaring: {REASON_TEXTS[n]}" for n in (2, 3)]

@@ -159,7 +159,7 @@ def test_the_wire_tells_line_and_modes(flights: dict[str, FlightData]) -> None:
     assert "TGL_X 0.2 → 0.6" in texts
 
 
-def test_e_rho_follows_from_path_and_line_where_nobody_told_it(tmp_path: Path) -> None:
+def test_e_rho_follows_from_path_and_line_where_nobody_reported_it(tmp_path: Path) -> None:
     flight = read_flight(flown.tlog(tmp_path))
     without = FlightData(
         name="", kind="", path=placed(flight, load_site(flown.SITE).frame()).path, line=flight.line
@@ -183,7 +183,7 @@ def test_others_name_modes_messages_and_parameters(flights: dict[str, FlightData
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-def test_what_a_log_never_held_is_said_in_words(
+def test_what_a_log_never_held_is_reported_in_words(
     flights: dict[str, FlightData], writer: str
 ) -> None:
     missing = " ".join(flights[writer].missing)

@@ -74,7 +74,7 @@ def test_after_a_clock_that_was_reset_a_part_begins_where_the_one_before_ended()
     assert flight.name == "flight and 2 more"
 
 
-def test_a_mode_that_goes_on_is_told_once() -> None:
+def test_a_mode_that_goes_on_is_reported_once() -> None:
     one = part(0.0, [0.0, 9.0], ((0.0, "ready"), (2.0, "soaring")))
     other = part(10.0, [0.0, 9.0], ((0.0, "soaring"), (3.0, "released")))
     assert joined([one, other]).modes == (

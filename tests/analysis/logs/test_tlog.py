@@ -357,7 +357,7 @@ def test_a_global_position_is_measured_from_the_first_and_says_so() -> None:
     assert flight.missing[0].startswith("positions are measured from the first fix")
 
 
-def test_a_global_position_is_measured_from_the_origin_that_was_told_last() -> None:
+def test_a_global_position_is_measured_from_the_origin_that_was_reported_last() -> None:
     early = mavlink.MAVLink_gps_global_origin_message(LAT + 5000, LON - 5000, 0)
     last = mavlink.MAVLink_gps_global_origin_message(LAT, LON, ALT_MM)
     origins = (early, early, last)
@@ -417,7 +417,7 @@ def test_scaled_accelerations_are_thousandths_of_gravity_and_of_a_radian(kind: s
     assert flight.imu.source == kind.upper()
 
 
-def test_accelerations_that_are_told_finely_come_first() -> None:
+def test_accelerations_that_are_reported_finely_come_first() -> None:
     fine = mavlink.MAVLink_highres_imu_message(
         0, 1.0, 2.0, -9.5, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     )
@@ -490,7 +490,7 @@ def test_an_airspeed_is_the_true_one() -> None:
     assert airspeed["airspeed_mps"] == pytest.approx([10.0 / 0.8638**0.5], rel=1e-4)
 
 
-def test_texts_and_streams_are_told() -> None:
+def test_texts_and_streams_are_reported() -> None:
     text = mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_INFO, "höher ".encode())
     flight = flight_of([(0.0, PILOT, hud(9.5, 400.0)), (2.0, MODULE, text)])
     assert rounded(flight.events) == [(2.0, "message", "höher")]
@@ -500,7 +500,7 @@ def test_texts_and_streams_are_told() -> None:
     assert (flight.name, flight.kind) == ("station", "MAVLink telemetry log (.tlog)")
 
 
-def test_a_parameter_is_as_it_was_first_told_and_a_change_is_an_event() -> None:
+def test_a_parameter_is_as_it_was_first_reported_and_a_change_is_an_event() -> None:
     def parameter(number: float) -> Any:
         real = mavlink.MAV_PARAM_TYPE_REAL32
         return mavlink.MAVLink_param_value_message(b"PIT_P", number, real, 1, 0)
@@ -555,7 +555,7 @@ def test_what_the_log_does_not_hold_is_listed() -> None:
 # --- what the module tells, in the operator's units -----------------------------------------------
 
 
-def test_setpoint_and_stall_margin_are_told_in_degrees() -> None:
+def test_setpoint_and_stall_margin_are_reported_in_degrees() -> None:
     flight = reported((0.0, "pitch_sp", -6.0), (1.0, "clearance", 12.5), (1.0, "stall", 3.0))
     assert flight.setpoints is not None
     assert np.degrees(flight.setpoints["pitch_rad"]) == pytest.approx([-6.0])
@@ -591,7 +591,9 @@ def test_a_lean_is_told_from_the_upright_and_the_line_from_the_horizontal() -> N
         ("air", {"wind_mps": "wind", "updraft_mps": "updraft"}),
     ],
 )
-def test_each_number_that_is_told_goes_to_its_column(series: str, names: dict[str, str]) -> None:
+def test_each_number_that_is_reported_goes_to_its_column(
+    series: str, names: dict[str, str]
+) -> None:
     numbers = {column: 1.5 + i for i, column in enumerate(names)}
     rows = [(0.0, names[column], number) for column, number in numbers.items()]
     found = getattr(reported(*rows), series)
@@ -601,7 +603,7 @@ def test_each_number_that_is_told_goes_to_its_column(series: str, names: dict[st
         assert getattr(reported(*rows[1:]), series) is None
 
 
-def test_numbers_told_in_turn_stand_until_they_are_told_again() -> None:
+def test_numbers_reported_in_turn_stand_until_they_are_reported_again() -> None:
     flight = reported(
         (0.0, "soar_x", 1.0), (1.0, "soar_z", 20.0), (2.0, "soar_x", 3.0), (3.0, "soar_z", 40.0)
     )
@@ -612,7 +614,7 @@ def test_numbers_told_in_turn_stand_until_they_are_told_again() -> None:
     assert np.isnan(flight.path["y_m"]).all()
 
 
-def test_the_updraft_alone_is_told_without_a_wind() -> None:
+def test_the_updraft_alone_is_reported_without_a_wind() -> None:
     flight = reported((0.0, "updraft", 0.8), (1.0, "updraft", 0.9))
     assert flight.air is not None
     assert flight.air["updraft_mps"] == pytest.approx([0.8, 0.9])

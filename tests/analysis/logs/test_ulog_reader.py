@@ -205,17 +205,17 @@ def test_a_subscription_without_a_format_is_left_out_and_its_rows_with_it() -> N
     assert found.losses == ["damaged: a subscription to other does not fit its rows"]
 
 
-def test_a_newer_version_of_the_format_is_told() -> None:
+def test_a_newer_version_of_the_format_is_reported() -> None:
     assert log(*POSES, version=2).losses == ["ULog of version 2, read as version 1"]
     assert log(*POSES, version=0).losses == []
 
 
-def test_dropouts_are_told() -> None:
+def test_dropouts_are_reported() -> None:
     found = log(POSES[0], message("O", pack("<H", 350)), *POSES[1:])
     assert found.losses == ["nothing was written for 350 ms: disk or computer were too slow"]
 
 
-def test_missing_ticks_are_told_and_ten_at_most() -> None:
+def test_missing_ticks_are_reported_and_ten_at_most() -> None:
     ticks = layout("tick", "uint64_t timestamp;uint32_t tick;")
 
     def gapped(numbers: list[int]) -> list[str]:
@@ -230,7 +230,7 @@ def test_missing_ticks_are_told_and_ten_at_most() -> None:
     assert len(gapped(list(range(0, 60, 2)))) == 10
 
 
-def test_a_clock_that_goes_back_or_leaps_is_told() -> None:
+def test_a_clock_that_goes_back_or_leaps_is_reported() -> None:
     back = log(*(pose(stamp, 0.0) for stamp in (5_000_000, 6_000_000, 2_000_000, 3_000_000, 1)))
     assert "pose: the clock goes back after 6.000 s, 2 times" in back.losses
     near, far = (log(pose(0, 0.0), pose(stamp, 0.0)) for stamp in (59_000_000, 61_000_000))

@@ -119,7 +119,7 @@ def margin(velocity: tuple[float, float, float] = (0.0, 0.0, 0.0), **where: floa
     return float(ours.margins(np.array(rows))[1])
 
 
-def test_the_margin_is_the_least_share_of_what_it_usually_is() -> None:
+def test_the_margin_is_the_least_fraction_of_what_it_usually_is() -> None:
     ours = process()
     _, z_m = ours.place
     fence = ours.laws.fence

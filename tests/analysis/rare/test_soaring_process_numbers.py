@@ -125,7 +125,7 @@ def margin(
     return margins([{**there, "y_m": y_m - velocity_mps * apart_s}, there], apart_s)[1]
 
 
-def test_the_margin_is_the_least_share_of_what_each_distance_usually_is() -> None:
+def test_the_margin_is_the_least_fraction_of_what_each_distance_usually_is() -> None:
     top_m = 2.6 - process().place[1]
     assert margin() == 1.0
     assert margin(y_m=0.6) == pytest.approx(0.5, abs=1e-6)
@@ -386,7 +386,7 @@ def test_what_was_shown_before_it_parted_is_kept(monkeypatch: pytest.MonkeyPatch
     assert elevator.tolist() == [*(-np.arange(98.0, 0.0, -1.0)), 209.0]
 
 
-def test_a_loss_is_told_without_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_loss_is_reported_without_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
     sky = Sky(monkeypatch, np.zeros(333), CRASHED)
     found = process().passage(at_tick(200), 9, 0.5)
     assert (found.lowest, found.cause) == (0.0, "hit the board")
@@ -438,7 +438,7 @@ def test_who_leaves_the_fence_is_told_by_which_side(where: dict[str, float], sid
     assert process()._cause("", shown) == ""
 
 
-def test_a_wing_that_had_stalled_for_a_second_is_told() -> None:
+def test_a_wing_that_had_stalled_for_a_second_is_reported() -> None:
     """Its stall is at 0.20 rad: on average of the last twenty looks, and not in one gust."""
     shown = np.zeros((60, len(SHOWN)))
     shown[:, SHOWN.index("z_m")] = process().place[1]

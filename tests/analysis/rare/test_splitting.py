@@ -193,7 +193,7 @@ class Safe:
         return np.array([[state]])
 
 
-def test_a_margin_that_does_not_go_down_is_said() -> None:
+def test_a_margin_that_does_not_go_down_is_reported() -> None:
     with pytest.raises(ValueError, match="no trajectory comes below a margin of 1"):
         pilot_levels(Safe(), 10, 1, InLine())
     assert inf > pilot_levels(Forgetful(1.0), 50, 1, InLine())[0] >= 0.0

@@ -209,7 +209,7 @@ def test_behind_a_gap_the_next_state_is_taken_up(tmp_path: Path) -> None:
     assert len(result.time_s) == 599 - 100 - result.left_out
 
 
-def test_a_module_that_began_anew_in_flight_replays_on(tmp_path: Path) -> None:
+def test_a_module_that_began_again_in_flight_replays_on(tmp_path: Path) -> None:
     """The simulator was restarted: the vehicle's clock goes back, all is reset."""
     recorder = FlightRecorder(tmp_path, METADATA, 0.0, patient=True)
     recorder.start()
@@ -619,7 +619,7 @@ def test_a_table_is_of_the_airframe_that_it_was_replayed_with(path: Path, tmp_pa
         (("--out", "out", "--resume"), "no flights of an earlier run are in out"),
     ],
 )
-def test_what_a_table_goes_without_is_said(
+def test_what_a_table_goes_without_is_reported(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], says: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

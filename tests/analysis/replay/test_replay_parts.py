@@ -269,7 +269,7 @@ def test_changes_of_one_tick_act_together_in_the_order_of_the_ticks() -> None:
     assert notes == []
 
 
-def test_a_change_that_is_refused_by_now_is_passed_over_and_told() -> None:
+def test_a_change_that_is_refused_by_now_is_passed_over_and_reported() -> None:
     low = PARAMETERS[INDEX["RHO_P"]].minimum - 1.0
     changes = [change(4, "RHO_P", low), change(6, "RHO_D", 0.4)]
     found, notes = parameters(log(changes=changes))
@@ -404,7 +404,7 @@ def test_without_a_state_it_is_flown_from_a_modules_first_tick_on(
     assert (found.cuts[0].state == initial_state()) == is_reported
 
 
-def test_another_version_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     _, notes = prepared(monkeypatch, [5], [(4, False, "a")], ver_sw="0.0.1")
     assert notes == [f"flown with version 0.0.1, replayed with {__version__}"]
 
@@ -455,13 +455,13 @@ def test_only_ticks_that_could_be_flown_are_compared(monkeypatch: pytest.MonkeyP
     assert not found.changed
 
 
-def test_columns_that_the_log_lacks_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_columns_that_the_log_lacks_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = whole(monkeypatch)
     assert found.notes == ["not in the log, so not compared: command_rudder"]
     assert "command_rudder" not in found.logged
 
 
-def test_a_state_that_is_not_the_logged_one_is_told_unless_something_was_changed(
+def test_a_state_that_is_not_the_logged_one_is_reported_unless_something_was_changed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found, _ = whole(monkeypatch, torn=(7, 9))

@@ -128,7 +128,7 @@ def test_damage_between_frames_costs_its_own_bytes(tmp_path: Path) -> None:
     assert losses == ["3 bytes are no frame with a time stamp"]
 
 
-def test_a_recorders_clock_that_goes_back_is_told(tmp_path: Path) -> None:
+def test_a_recorders_clock_that_goes_back_is_reported(tmp_path: Path) -> None:
     stamps = [5, 6, 2, 3, 3, 1]
     data = b"".join(n.to_bytes(8, "big") + attitude(n) for n in stamps)
     assert read(tmp_path, data)[1] == ["the recorder's clock goes back 2 times"]
@@ -202,7 +202,7 @@ def test_only_the_vehicles_own_attitudes_tell_and_one_alone_tells_nothing() -> N
 # --- values -------------------------------------------------------------------------------------
 
 
-def test_the_first_value_that_the_module_said_counts_unless_it_was_set_before() -> None:
+def test_the_first_value_that_the_module_reported_counts_unless_it_was_set_before() -> None:
     frames = [
         param_value("TGL_X", 1.0, VEHICLE),  # the autopilot's own
         param_value("TGL_X", 1.0, (1, 192)),
@@ -277,7 +277,7 @@ def test_the_autopilots_frames_go_through_the_module_again() -> None:
     assert made.now_s == 2.0
 
 
-def test_a_parameter_is_set_again_when_it_was_told_and_stands_otherwise() -> None:
+def test_a_parameter_is_set_again_when_it_was_reported_and_stands_otherwise() -> None:
     aboard = Aboard(TGL_X=1.0, TGL_Z=2.0, RHO_P=0.5)
     frames = [
         param_value("TGL_X", 1.0),  # as it stands
@@ -392,7 +392,7 @@ def test_a_recorded_flight_that_cannot_be_flown_again_is_missed(tmp_path: Path) 
     assert all(row.reported == modes.SOARING for row in rows)
 
 
-def test_what_the_module_said_is_flown_with_unless_it_is_out_of_range(tmp_path: Path) -> None:
+def test_what_the_module_reported_is_flown_with_unless_it_is_out_of_range(tmp_path: Path) -> None:
     attitudes = [attitude(5 * n) for n in range(1, 20)]
     replayed = replay_wire(
         written(tmp_path, [param_value("TGL_X", 0.25), *attitudes]), AIRFRAME, SITE

@@ -184,7 +184,7 @@ def test_the_head_says_log_kind_beginning_and_where() -> None:
     assert "<code>tgl-soar report my.ulg</code>" in text
 
 
-def test_of_a_bare_log_only_its_length_is_told() -> None:
+def test_of_a_bare_log_only_its_length_is_reported() -> None:
     flight = lasting(59.6)
     assert tiles(analysis(flight)) == [("1 min 00 s", "logged")]
     assert "<p class=kind>y</p><h1>x</h1><p></p>" in page_text(analysis(flight), {})
@@ -228,7 +228,7 @@ def test_each_leg_has_its_row_in_centimetres_and_degrees() -> None:
     assert second[-1] == "–"
 
 
-def test_streams_are_told_in_milliseconds_and_forty_at_most() -> None:
+def test_streams_are_reported_in_milliseconds_and_forty_at_most() -> None:
     stream = Stream(
         name="position", samples=500, rate_hz=49.96, usual_s=0.02, late_s=0.0251, longest_s=0.52,
         longest_at_s=4.98, gaps=3,
@@ -241,7 +241,7 @@ def test_streams_are_told_in_milliseconds_and_forty_at_most() -> None:
     }  # fmt: skip
 
 
-def test_lost_frames_are_a_share_of_all_that_were_sent() -> None:
+def test_lost_frames_are_a_fraction_of_all_that_were_sent() -> None:
     flight = FlightData("x", "y", loss={"1/1": (75, 25), "9/9": (0, 0)})
     found = rows(page_text(analysis(flight), {}))
     assert found == [

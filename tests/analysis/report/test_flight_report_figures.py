@@ -517,7 +517,7 @@ def test_dark_bands_have_white_names() -> None:
     assert white == {"released", "soaring", "recovering", "failed"}
 
 
-def test_the_autopilots_modes_stand_in_where_the_modules_are_not_told() -> None:
+def test_the_autopilots_modes_stand_in_where_the_modules_are_not_reported() -> None:
     others = (LoggedMode(0.0, "FBWA"), LoggedMode(50.0, ""))
     band = history(flight(autopilot_modes=others))[0]
     assert next(t.get_text() for t in band.texts) == "FBWA"

@@ -57,7 +57,7 @@ def plt() -> Iterator[Any]:
 # --- words --------------------------------------------------------------------------------------
 
 
-def test_each_margin_is_told_with_its_interval() -> None:
+def test_each_margin_is_reported_with_its_interval() -> None:
     loop = response(
         gain_db=Bounded(7.83, 6.9, 8.81),
         phase_deg=Bounded(46.0, 41.0, 52.0),

@@ -79,7 +79,7 @@ def lost(height_m: float) -> Any:
     return rows
 
 
-def test_a_ladder_goes_from_one_down_by_the_share_that_passed(kept: list[Any]) -> None:
+def test_a_ladder_goes_from_one_down_by_the_fraction_that_passed(kept: list[Any]) -> None:
     ladders = [
         [Rung(0.5, 100, 20), Rung(0.1, 100, 50), Rung(0.0, 100, 0)],
         [Rung(0.5, 100, 25)],

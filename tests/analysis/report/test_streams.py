@@ -27,7 +27,7 @@ def test_an_even_stream_has_its_rate_and_no_gap() -> None:
     assert stream.longest_s == pytest.approx(0.02)
 
 
-def test_the_longest_gap_is_told_with_when_it_began() -> None:
+def test_the_longest_gap_is_reported_with_when_it_began() -> None:
     times = even(0.02)
     times = times[:40] + [t + 0.5 for t in times[40:]]
     (stream,) = received(a=times)

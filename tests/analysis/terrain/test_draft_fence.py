@@ -98,7 +98,7 @@ def written(bounds: Any = BOUNDS, spacing_m: float = 5.0, updraft: Any = None) -
     return _written_field(air, bounds, spacing_m)
 
 
-def test_the_written_wind_reaches_a_share_of_the_fences_longer_side_beyond_it() -> None:
+def test_the_written_wind_reaches_a_fraction_of_the_fences_longer_side_beyond_it() -> None:
     found = written()
     assert found.reference_wind_mps == 7.5
     for x, z in ((-114.99, 0.0), (13.0, 0.0), (-50.0, -44.99), (-50.0, 33.0)):

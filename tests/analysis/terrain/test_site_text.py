@@ -145,14 +145,14 @@ def test_an_oblique_wind_may_veer_by_twenty_degrees_more_and_by_sixty_at_most(
     assert f"and {most_deg - abs(oblique_deg):.0f} degrees further as it turns" in text
 
 
-def test_the_model_its_errors_and_the_slope_are_told() -> None:
+def test_the_model_its_errors_and_the_slope_are_reported() -> None:
     text = site_text(draft(), "")
     assert "by `tgl-soar site init` from N46E007.hgt.\n" in text
     assert "at most 1.3 m above it" in text  # 1.21, rounded up
     assert "# slope is 31 degrees at its steepest.\n" in text
 
 
-def test_the_landing_place_is_told_where_it_lies_on_the_earth() -> None:
+def test_the_landing_place_is_reported_where_it_lies_on_the_earth() -> None:
     """By the tangent plane: x is downstream, so 70 m towards the wind from the crest."""
     place = landing_place(draft())
     assert place is not None
@@ -164,6 +164,6 @@ def test_the_landing_place_is_told_where_it_lies_on_the_earth() -> None:
     assert f"x = -70 m, z = -28 m,\n# at {place[0]:.5f}, {place[1]:.5f}.\n" in text
 
 
-def test_where_no_place_to_land_was_found_it_is_said() -> None:
+def test_where_no_place_to_land_was_found_it_is_reported() -> None:
     assert landing_place(draft(landing=None)) is None
     assert "# No level place before the slope was found" in site_text(draft(landing=None), "")

@@ -121,7 +121,7 @@ def run(
     return searched(name, search, evaluation, progress, evaluation.on_generation)
 
 
-def test_what_is_flown_now_comes_first_and_each_generation_is_told_with_its_best(
+def test_what_is_flown_now_comes_first_and_each_generation_is_reported_with_its_best(
     tmp_path: Path,
 ) -> None:
     search = Search(

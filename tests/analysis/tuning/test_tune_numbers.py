@@ -265,7 +265,7 @@ def test_of_those_judged_it_counts_who_is_unstable_and_who_is_below_the_floor(
     assert work.reported == [(f"{INERTIAL}: margins of 6 more aircraft", 0.0)]
 
 
-def test_other_gains_are_judged_anew_and_the_same_are_not(tmp_path: Path) -> None:
+def test_other_gains_are_judged_again_and_the_same_are_not(tmp_path: Path) -> None:
     work = Work(tmp_path, lambda _: 0.7, judging_linear=2)
     for values in (VALUES, VALUES, VALUES.changed({"ELE_D": VALUES["ELE_D"] * 1.01})):
         module._judged(work.parts, values, PLAIN)
@@ -307,7 +307,7 @@ def test_whether_any_aircraft_can_fly_there_is_asked_before_the_search(
     assert tried == asked
 
 
-def test_a_set_is_sought_from_where_it_is_and_each_generation_is_told_of(
+def test_a_set_is_sought_from_where_it_is_and_each_generation_is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     pytest.importorskip("cma", reason="tuning needs cma")

@@ -154,12 +154,12 @@ def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None
     """Over level ground: a glide at 0.1 rad, 10 m up, 1 m of least clearance, a fence of ± 20 m."""
     case = {
         "at": AT, "alpha_rad": 0.1, "stall_rad": 0.2, "ground_m": -8.0, "dispersion_m": 0.1,
-        "fence_z_m": (-20.0, 20.0), "fence_x_m": (-20.0, 20.0), "seen": [], "clear_min_m": 1.0,
+        "fence_z_m": (-20.0, 20.0), "fence_x_m": (-20.0, 20.0), "winds_mps": [], "clear_min_m": 1.0,
         "forbidden": lambda _x, _z: False, **changes,
     }  # fmt: skip
 
     def glide(_model: Any, wind_mps: float) -> Any:
-        case["seen"].append(wind_mps)
+        case["winds_mps"].append(wind_mps)
         if case["alpha_rad"] is None:
             raise ValueError("no such glide")
         return SimpleNamespace(alpha_rad=case["alpha_rad"])
@@ -184,9 +184,9 @@ def hovering(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> Crossing | None
 
 
 def test_an_aircraft_hovers_where_line_and_contour_meet(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[float] = []
-    assert hovering(monkeypatch, seen=seen) is AT
-    assert seen == [9.0]
+    winds_mps: list[float] = []
+    assert hovering(monkeypatch, winds_mps=winds_mps) is AT
+    assert winds_mps == [9.0]
     assert hovering(monkeypatch, at=None) is None
     assert hovering(monkeypatch, alpha_rad=None) is None
 
@@ -281,7 +281,7 @@ def test_aircraft_are_drawn_until_one_has_a_place(monkeypatch: pytest.MonkeyPatc
     assert tried == [(1, 9, n) for n in range(50)]
 
 
-def test_the_line_goes_through_the_contour_at_a_share_of_the_best_glides_speed(
+def test_the_line_goes_through_the_contour_at_a_fraction_of_the_best_glides_speed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(flights, "search_bounds", lambda site: ("bounds", site))

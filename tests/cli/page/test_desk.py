@@ -157,7 +157,9 @@ def test_a_frame_over_two_reads_of_a_stream_is_one(is_stream: bool) -> None:
     assert len(wire.held) == (2 if is_stream else 1)
 
 
-def test_the_time_at_which_the_module_was_heard_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_at_which_the_module_was_received_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(time, "time", lambda: 1.75e9 + 0.12346)
     wire = Wire()
     desk = desk_on(wire)
@@ -520,7 +522,7 @@ def test_without_a_map_nothing_is_measured() -> None:
 # --- what pages are shown ----------------------------------------------------------------------
 
 
-def test_the_news_are_told_once_and_all_of_them_to_a_new_page() -> None:
+def test_the_news_are_reported_once_and_all_of_them_to_a_new_page() -> None:
     wire = Wire()
     desk = desk_on(wire)
     text = mavlink.MAVLink_statustext_message(6, b"ready", 0, 0)

@@ -296,7 +296,7 @@ def test_over_the_ground_it_is_drawn_and_one_row_below_its_edge() -> None:
     assert min(z for segment in found["contour"] for _, z in segment) > 1.0
 
 
-def test_it_is_drawn_anew_only_with_new_readings() -> None:
+def test_it_is_drawn_again_only_with_new_readings() -> None:
     measured, made = air(), MadeUp()
     first = drawn(measured, made)
     measured.draw_whole()

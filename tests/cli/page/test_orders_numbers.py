@@ -368,7 +368,7 @@ def test_there_is_an_undo_for_each_place_of_the_line_and_fifty_at_most() -> None
     (4, False, "the module disengaged before the line was reached"),
     (6, False, "disengaged before the line was reached"), (9, False, "result 9"),
 ])  # fmt: skip
-def test_each_result_of_a_command_is_told_in_words_and_ends_it(
+def test_each_result_of_a_command_is_reported_in_words_and_ends_it(
     result: int, ok: bool, words: str
 ) -> None:
     station = NotedStation()
@@ -384,7 +384,7 @@ def test_each_result_of_a_command_is_told_in_words_and_ends_it(
     assert len(RESULTS) == 7
 
 
-def test_an_engagement_in_progress_is_told_once_and_waited_for_as_long_as_it_takes() -> None:
+def test_an_engagement_in_progress_is_reported_once_and_waited_for_as_long_as_it_takes() -> None:
     station = NotedStation()
     station.orders.command("Anna", ENGAGE)
     station.orders.step(100.0)

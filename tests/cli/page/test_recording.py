@@ -167,7 +167,7 @@ def test_a_mode_stands_from_its_change_on_and_an_unknown_one_is_not_known() -> N
     assert MODE_NAMES.index("ready") == 2
 
 
-def test_what_happened_and_what_was_lost_is_told_in_json() -> None:
+def test_what_happened_and_what_was_lost_is_reported_in_json() -> None:
     flight = FlightData(
         "f.ulg",
         "a log of the module",

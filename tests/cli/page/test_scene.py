@@ -188,7 +188,7 @@ def test_without_air_the_files_contour_is_drawn_and_no_map(tmp_path: Path) -> No
     assert list(measured._box) == scene["view"]
 
 
-def test_numbers_are_told_in_the_words_of_their_modules() -> None:
+def test_numbers_are_reported_in_the_words_of_their_modules() -> None:
     texts = meanings()
     assert texts["modes"] == list(MODE_NAMES)
     assert texts["faults"] == [[2**i, words] for i, words in enumerate(FAULT_TEXTS)]

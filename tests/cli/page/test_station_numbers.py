@@ -122,7 +122,7 @@ def test_the_modules_heartbeat_holds_its_mode_and_the_number_of_its_start() -> N
     assert listener.starts == 2
 
 
-def test_what_a_module_told_before_its_restart_is_forgotten() -> None:
+def test_what_a_module_reported_before_its_restart_is_forgotten() -> None:
     listener = station()
     received(listener, beat(start=5), named("e_rho", 1.0))
     received(listener, beat(start=6, mode=2))
@@ -242,7 +242,7 @@ def test_the_newest_two_hundred_texts_are_kept() -> None:
 # --- answers -----------------------------------------------------------------------------------
 
 
-def test_a_value_of_a_known_parameter_is_kept_and_told() -> None:
+def test_a_value_of_a_known_parameter_is_kept_and_reported() -> None:
     listener = station()
     known = mavlink.MAVLink_param_value_message(b"TGL_Z", 1.5, 9, 91, 0)
     unknown = mavlink.MAVLink_param_value_message(b"NO_SUCH", 1.5, 9, 91, 0)

@@ -166,7 +166,7 @@ def test_the_latency_is_that_of_the_least_late_step(late_s: float) -> None:
     assert late_s - 1e-6 <= least <= most <= late_s + 0.021
 
 
-def test_of_a_link_that_is_late_at_times_both_ends_are_told() -> None:
+def test_of_a_link_that_is_late_at_times_both_ends_are_reported() -> None:
     """10 to 40 ms: of nine steps the latest is later than 25 ms but 1 time of 500."""
     draw = Random(1)
     least, most = latencies_s(lambda: draw.uniform(0.01, 0.04))
@@ -253,7 +253,7 @@ def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
     assert len(bench.run()) == 3 * len(STOPS)
 
 
-def test_armed_it_is_left_alone_once_its_speed_is_not_told_any_more() -> None:
+def test_armed_it_is_left_alone_once_its_speed_is_not_reported_any_more() -> None:
     bench = Bench(armed_on_ground=True)
     bench.base_mode |= MODE_FLAG_ARMED
     bench.speed_mps = 0.1

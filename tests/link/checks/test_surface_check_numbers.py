@@ -229,7 +229,7 @@ def found(
     return finding("elevator", CHANNELS.elevator, stops)
 
 
-def test_as_in_the_file_there_is_no_fault_and_its_ends_are_told() -> None:
+def test_as_in_the_file_there_is_no_fault_and_its_ends_are_reported() -> None:
     assert found() == SurfaceFinding(
         surface="elevator", faults=(), trim_us=1500, low_us=1300, high_us=1700
     )
@@ -275,7 +275,7 @@ def test_each_difference_from_the_file_has_its_tolerance(
         (1500, 1520, "output 2 moves the other way than the file says"),
     ],
 )
-def test_less_than_twenty_microseconds_are_no_movement_and_a_sign_is_told(
+def test_less_than_twenty_microseconds_are_no_movement_and_a_sign_is_reported(
     high: int, low: int, words: str
 ) -> None:
     first = found(high=high, low=low).faults[0]

@@ -169,7 +169,7 @@ def test_a_burst_is_none_however_many() -> None:
     assert frames(clock, 1.101) == [True]
 
 
-def test_a_frame_that_fits_begins_the_count_anew() -> None:
+def test_a_frame_that_fits_begins_the_count_again() -> None:
     clock = known()
     assert frames(clock, 1.0, 1.06) == [False, False]
     assert stamped(clock, T + 1.08, 0.0)

@@ -50,7 +50,7 @@ def test_single_datagrams_without_a_pose_between_them_are_reported_once() -> Non
     assert len(notices.texts) == 1
 
 
-def test_the_end_of_an_outage_is_said_with_its_length() -> None:
+def test_the_end_of_an_outage_is_reported_with_its_length() -> None:
     notices = OutageNotices()
     notices.report("order", SEVERITY_INFO, "no outage")
     notices.pose_used(0.0)
@@ -70,7 +70,7 @@ def test_the_end_of_an_outage_is_said_with_its_length() -> None:
         assert notices.texts[-1] == (SEVERITY_INFO, "OptiTrack: stream is back after 22.3 s")
 
 
-def test_what_is_counted_is_said_in_words() -> None:
+def test_what_is_counted_is_reported_in_words() -> None:
     counters = OptitrackCounters(frames=3, out_of_order=2)
     assert counters.summary() == "3 frames, 2 out of order"
     assert OptitrackCounters().summary() == ""
@@ -92,7 +92,9 @@ def test_everything_is_counted_from_zero_and_said_by_its_name(name: str) -> None
         *((kind, False) for kind in ("mode", "restart", "malformed", "truncated", "oversized")),
     ],
 )
-def test_that_poses_are_back_is_said_after_what_kept_them_away(kind: str, is_outage: bool) -> None:
+def test_that_poses_are_back_is_reported_after_what_kept_them_away(
+    kind: str, is_outage: bool
+) -> None:
     notices = OutageNotices()
     notices.now_s = 1.0
     notices.pose_used(1.0)
@@ -104,7 +106,7 @@ def test_that_poses_are_back_is_said_after_what_kept_them_away(kind: str, is_out
     assert notices.texts[1:] == (back if is_outage else [])
 
 
-def test_each_kind_is_reported_for_itself_and_what_happens_once_is_always_said() -> None:
+def test_each_kind_is_reported_for_itself_and_what_happens_once_is_always_reported() -> None:
     notices = OutageNotices()
     notices.report("silent", SEVERITY_WARNING, "one")
     notices.report("jump", SEVERITY_WARNING, "two")

@@ -89,7 +89,7 @@ def test_a_pose_that_the_server_does_not_vouch_for_is_not_used(flags: int, track
     assert kept.counters.untracked == int(not tracked)
 
 
-def test_what_a_track_finds_is_counted_and_said() -> None:
+def test_what_a_track_finds_is_counted_and_reported() -> None:
     poses, kept = filter_of()
     poses.fix_of(body(), 5.0, 5.02)
     assert poses.latency_s == pytest.approx(0.02)

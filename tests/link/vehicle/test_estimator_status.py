@@ -126,7 +126,7 @@ def of_the_silence(talk: Session) -> list[str]:
     ("flags", "words", "reckoned"),
     [(AIDED, "measured, which nobody knows now", False), (HEIGHT, "dead reckoned, which", True)],
 )
-def test_what_was_said_too_long_ago_is_reported_once_and_an_uncertainty_stays(
+def test_what_was_reported_too_long_ago_is_reported_once_and_an_uncertainty_stays(
     flags: int, words: str, reckoned: bool
 ) -> None:
     talk = session()

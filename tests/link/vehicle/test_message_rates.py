@@ -193,7 +193,7 @@ def test_receiver_and_rangefinder_are_asked_for_where_there_is_one() -> None:
 # --- what is refused -----------------------------------------------------------------------------
 
 
-def test_a_rate_that_is_denied_is_asked_for_more_slowly_and_the_way_out_is_said() -> None:
+def test_a_rate_that_is_denied_is_asked_for_more_slowly_and_the_way_out_is_reported() -> None:
     asked = Asked().answer("RAW_IMU", RESULT_DENIED)
     words = "RAW_IMU at 200 Hz denied: set SCHED_LOOP_RATE to 250 or more; asking for 160 Hz"
     assert asked.notices == [(SEVERITY_WARNING, words)]
@@ -272,7 +272,7 @@ def refused(name: str, result: int, firmware: str = "ardupilot") -> str:
         ("ardupilot", "DISTANCE_SENSOR", "20", "height over the ground is not measured"),
     ],
 )
-def test_what_is_not_known_without_a_message_is_said_once_it_is_given_up(
+def test_what_is_not_known_without_a_message_is_reported_once_it_is_given_up(
     firmware: str, name: str, rate: str, words: str
 ) -> None:
     text = refused(name, RESULT_UNSUPPORTED, firmware)

@@ -164,7 +164,7 @@ def test_odometry_s_velocity_is_in_the_frame_that_it_says(
 @pytest.mark.parametrize(
     ("frame", "child"), [(BODY_FRD, BODY_FRD), (LOCAL_NED, mavlink.MAV_FRAME_GLOBAL)]
 )
-def test_other_frames_are_counted_and_told_once(frame: int, child: int) -> None:
+def test_other_frames_are_counted_and_reported_once(frame: int, child: int) -> None:
     talk = of(ODOMETRY)
     for i in range(2):
         message = ODOMETRY_EAST._replace(time_usec=1_000_000 + 20_000 * i)

@@ -109,7 +109,7 @@ def test_a_rangefinder_s_milliseconds_go_on_likewise() -> None:
 
 
 @pytest.mark.parametrize(("wrap_s", "taken"), [(MICROSECONDS_WRAP_S, True), (float("inf"), False)])
-def test_microseconds_begin_again_only_where_it_is_said_that_they_do(
+def test_microseconds_begin_again_only_where_it_is_reported_that_they_do(
     wrap_s: float, taken: bool
 ) -> None:
     vehicle = Vehicle()
@@ -331,7 +331,7 @@ def test_a_queue_is_reported_with_how_much_later_the_answers_come() -> None:
     assert vehicle.notices == [(SEVERITY_WARNING, text)] * 2
 
 
-def test_a_queue_of_which_no_answer_tells_any_more_counts_still_and_that_is_said() -> None:
+def test_a_queue_of_which_no_answer_tells_any_more_counts_still_and_that_is_reported() -> None:
     """Six seconds: a question a second, and a window of five seconds for the answers."""
     vehicle = Vehicle()
     vehicle.times.take_queue(QUEUE_S, 0.0)

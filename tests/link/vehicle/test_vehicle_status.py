@@ -81,7 +81,7 @@ def test_a_heartbeat_of_no_autopilot_says_nothing(other: dict[str, int]) -> None
     assert vehicle.counters.heartbeats == 1
 
 
-def test_another_firmware_accepts_nothing_and_is_told_of_once_as_an_error() -> None:
+def test_another_firmware_accepts_nothing_and_is_reported_once_as_an_error() -> None:
     vehicle = NotedStatus()
     for now_s in (1.0, 2.0):
         vehicle.hear(now_s, autopilot=mavlink.MAV_AUTOPILOT_PX4)

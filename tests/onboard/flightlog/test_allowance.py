@@ -77,7 +77,7 @@ def test_refused_frames_take_a_hundredth_of_all_logs_and_the_others_have_no_end(
     assert taken_bytes(wire.stations, 10 * SECOND_US) == 200_000
 
 
-def test_what_was_left_out_is_said_of_all_and_of_strangers() -> None:
+def test_what_was_left_out_is_reported_of_all_and_of_strangers() -> None:
     wire = WireAllowance(50_000)
     for kind, frames in (("ours", 1), ("autopilot", 2), ("stations", 4), ("refused", 8)):
         for _ in range(frames):

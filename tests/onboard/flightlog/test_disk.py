@@ -267,7 +267,7 @@ def test_before_each_part_there_is_room_made_for_a_tenth_of_all(
         ((4, 5, 6), ["no room: 3 log files of flights 4 to 6 deleted"]),
     ],
 )
-def test_which_flights_lost_logs_is_said_once(
+def test_which_flights_lost_logs_is_reported_once(
     log: Log, monkeypatch: pytest.MonkeyPatch, flights: tuple[int, ...], words: list[str]
 ) -> None:
     Rooms(monkeypatch, *flights)

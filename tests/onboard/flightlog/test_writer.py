@@ -193,7 +193,7 @@ def test_what_a_busy_computer_leaves_out_is_a_gap_of_its_length(log: Log) -> Non
 
 
 @pytest.mark.parametrize(("gap_s", "lost_ms"), [(0.5, 500), (70.0, 0xFFFF), (-0.5, 0)])
-def test_a_gap_is_said_in_milliseconds_as_far_as_its_field_goes(
+def test_a_gap_is_reported_in_milliseconds_as_far_as_its_field_goes(
     log: Log, gap_s: float, lost_ms: int
 ) -> None:
     log.begins().tick(8)
@@ -435,7 +435,7 @@ def test_a_part_ends_with_a_tenth_of_all_logs(
     assert len([m for m in log.messages() if m.kind == "P"]) == 3 * len(PARAMETERS)
 
 
-def test_what_the_disk_refuses_is_said_once_and_the_flight_goes_on(log: Log) -> None:
+def test_what_the_disk_refuses_is_reported_once_and_the_flight_goes_on(log: Log) -> None:
     log.begins()
     log.recorder._disk.trouble = "/log: no space"
     log.tick(8)
@@ -451,7 +451,7 @@ def test_what_the_disk_refuses_is_said_once_and_the_flight_goes_on(log: Log) -> 
     assert log.recorder.dropped == 0
 
 
-def test_a_flood_is_said_once_and_counted_in_the_log(log: Log) -> None:
+def test_a_flood_is_reported_once_and_counted_in_the_log(log: Log) -> None:
     log.begins().tick(8)
     assert log.recorder.poll() == []
     log.recorder.allowance.refused.left_out = 7

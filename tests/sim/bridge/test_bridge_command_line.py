@@ -179,7 +179,7 @@ def test_steps_are_200_or_400_a_second(capsys: pytest.CaptureFixture[str], rate:
     assert "--step-rate" in refused(capsys, "--step-rate", rate)
 
 
-def test_which_files_are_needed_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_which_files_are_needed_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     for i, option in ((2, "--airframe"), (0, "--site")):
         with pytest.raises(SystemExit):
             parsed(FILES[i : i + 2])

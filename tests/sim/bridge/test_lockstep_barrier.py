@@ -310,7 +310,7 @@ def test_who_does_not_come_in_time_is_named(monkeypatch: pytest.MonkeyPatch) -> 
     assert world.now_s == pytest.approx(101.5, abs=0.1)
 
 
-def test_after_two_seconds_it_is_said_once_who_is_waited_for(
+def test_after_two_seconds_it_is_reported_once_who_is_waited_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     world = World(monkeypatch, MODULE, STATION, ground=True)

@@ -136,7 +136,7 @@ def test_workers_and_scheduler_die_and_the_table_is_the_same(
             fly_all(fly_cheaply, jobs[:2], executor)
 
 
-def test_where_nobody_answers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nobody_answers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "ANSWER_S", 1.0)
     with pytest.raises(ClusterError, match="no scheduler answers"):
         DaskCluster(f"tcp://127.0.0.1:{free_port()}")

@@ -124,7 +124,7 @@ def test_workers_are_counted_by_their_threads(scheduler: Scheduler) -> None:
     assert [connection.closed for connection in scheduler.connections] == [1]
 
 
-def test_without_a_worker_it_is_said_how_to_start_one(scheduler: Scheduler) -> None:
+def test_without_a_worker_it_is_reported_how_to_start_one(scheduler: Scheduler) -> None:
     scheduler.threads = {}
     with pytest.raises(ClusterError, match=f"{ADDRESS}: no worker is there: dask worker {ADDRESS}"):
         DaskCluster(ADDRESS)
@@ -152,7 +152,7 @@ def test_who_does_not_answer_is_named_with_what_to_do(
 
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "http://there:8786", "tcp://there"])
-def test_an_address_that_is_none_is_told_at_once(address: str) -> None:
+def test_an_address_that_is_none_is_reported_at_once(address: str) -> None:
     with pytest.raises(ClusterError, match=f"{address}: a scheduler is tcp://HOST:PORT"):
         DaskCluster(address)
 
@@ -164,7 +164,7 @@ def test_what_dask_takes_is_an_address(address: str) -> None:
     assert SCHEDULER.fullmatch(address)
 
 
-def test_without_dask_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_dask_it_is_reported_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert MISSING == "--scheduler needs dask: pip install 'tgl_soar[cluster]'"
     with pytest.raises(ImportError, match="--scheduler needs dask: pip install"):
@@ -232,7 +232,7 @@ def test_a_task_that_its_scheduler_forgot_is_handed_in_again(
     assert len(scheduler.connections) == 3
 
 
-def test_one_of_which_nothing_is_heard_yet_is_waited_for(scheduler: Scheduler) -> None:
+def test_one_of_which_nothing_is_received_yet_is_waited_for(scheduler: Scheduler) -> None:
     def later(task: Handed) -> None:
         scheduler.handed.append(task)
 

@@ -140,7 +140,7 @@ def test_two_processes_do_not_write_one_file(tmp_path: Path) -> None:
         journal(tmp_path / "flights")
 
 
-def test_where_nothing_can_be_written_is_said(tmp_path: Path) -> None:
+def test_where_nothing_can_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(JournalError, match="cannot be written"):
         journal(tmp_path / "file" / "flights")

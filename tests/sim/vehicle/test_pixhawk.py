@@ -415,7 +415,7 @@ def test_the_boot_clock_wraps() -> None:
         (400, 333, mavlink.MAV_RESULT_DENIED),
     ],
 )
-def test_rates_above_the_share_of_the_loop_are_denied(
+def test_rates_above_the_fraction_of_the_loop_are_denied(
     loop_hz: int, rate_hz: int, result: int
 ) -> None:
     """Measured: 0.8 of SCHED_LOOP_RATE is the limit."""
@@ -670,7 +670,7 @@ def test_a_link_that_is_gone_is_no_way_to_anyone() -> None:
     assert links_of(pixhawk) == {GROUND, RADIO}  # executed here again, and told to all
 
 
-def test_a_stranger_with_the_autopilots_name_is_ignored_and_told_of() -> None:
+def test_a_stranger_with_the_autopilots_name_is_ignored_and_reported() -> None:
     pixhawk = make()
     Peer(pixhawk, GROUND, 1, 1).heartbeat()
     assert links_of(pixhawk) == set()

@@ -248,7 +248,7 @@ STAMPED = {"LOCAL_POSITION_NED": 32, "GPS_RAW_INT": 24, "ODOMETRY": 331, "HIGHRE
            "SCALED_IMU": 26, "DISTANCE_SENSOR": 132}  # fmt: skip
 
 
-def test_after_a_boot_nothing_is_told_that_was_measured_before() -> None:
+def test_after_a_boot_nothing_is_reported_that_was_measured_before() -> None:
     wire = Wire(allow_odometry=True, parameters={"VISO_TYPE": 1.0})
     pixhawk = wire.pixhawk
     wire.says(vision())

@@ -118,7 +118,7 @@ def test_modes_have_arduplanes_numbers() -> None:
     assert (FlightStatus().mode, FlightStatus().armed) == (0, True)
 
 
-def test_what_happens_again_and_again_is_told_once_and_a_flood_not_at_all() -> None:
+def test_what_happens_again_and_again_is_reported_once_and_a_flood_not_at_all() -> None:
     events = OnlookerEvents()
     events.add("a")
     events.add_once("b")

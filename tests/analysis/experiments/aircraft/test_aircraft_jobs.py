@@ -107,7 +107,7 @@ def test_so_many_of_a_hundred_must_last_at_each_place(
         assert claim.measured == f"100 of 100 at a, {up} of 100 at b"
 
 
-def test_no_drawn_aircraft_may_be_unstable_and_the_worst_in_a_hundred_is_told() -> None:
+def test_no_drawn_aircraft_may_be_unstable_and_the_worst_in_a_hundred_is_reported() -> None:
     alphas = [0.3 + 0.001 * i for i in range(200)]
     claim = d._unstable(PLAIN, alphas[::-1])
     assert claim.holds

@@ -175,7 +175,7 @@ def examined(
     return e.examine(job)
 
 
-def test_errors_are_shares_of_the_truth_and_a_delay_is_in_seconds(
+def test_errors_are_fractions_of_the_truth_and_a_delay_is_in_seconds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     right = examined(monkeypatch)
@@ -495,7 +495,7 @@ def test_each_step_is_given_what_the_last_one_gave(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("step", ["glide", "identify", "tune", "soar"])
-def test_what_fails_is_told_with_its_step_and_what_came_before(
+def test_what_fails_is_reported_with_its_step_and_what_came_before(
     step: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found, _ = stepped(monkeypatch, fails=step)
@@ -507,7 +507,7 @@ def test_what_fails_is_told_with_its_step_and_what_came_before(
     assert found.duration_s == 0.0
 
 
-def test_a_row_tells_shares_margins_and_what_ended_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_tells_fractions_margins_and_what_ended_it(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = stepped(monkeypatch)
     lost = FLIGHT._replace(up=False, ended="too low", rms_y_m=0.4)
     row = a._row(found._replace(flights={PLAIN: FLIGHT, INERTIAL: lost}))

@@ -527,7 +527,7 @@ def test_at_the_clearance_is_below_it_and_not_at_it() -> None:
     assert e.REPORTED_S == 1.5
 
 
-def test_the_row_of_lines_with_a_place_says_what_was_said_wrongly() -> None:
+def test_the_row_of_lines_with_a_place_says_what_was_reported_wrongly() -> None:
     good = [ended(8.0, 0.5) for _ in range(97)]
     low, out = ended(1.0, 0.5, ahead_s=1.0), ended(1.0, 0.5, ahead_s=1.0)
     assert out.foreseen is not None

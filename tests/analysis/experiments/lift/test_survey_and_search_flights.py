@@ -307,7 +307,7 @@ def judged(kind: Kind, found: list[Score]) -> dict[str, bool]:
         ("hill", ", wind that falls by 10–15 %", 75, {"change": 0.9}),
     ],
 )
-def test_a_share_of_what_the_oracle_soars_is_asked_for(
+def test_a_fraction_of_what_the_oracle_soars_is_asked_for(
     kind: Kind, group: str, least: int, places: dict[str, float]
 ) -> None:
     text = f"soars ≥ {least} % of what the oracle soars{group}"
@@ -412,7 +412,7 @@ def test_a_search_fails_that_misses_claims_falsely_or_falls() -> None:
     )
 
 
-def test_small_numbers_are_told_as_they_are() -> None:
+def test_small_numbers_are_reported_as_they_are() -> None:
     assert s._difference([1.0]) == "–"
     assert s._difference([1.0, 3.0]) == f"+2.0 ± {1.96 * sqrt(2.0) / sqrt(2.0):.1f}"
     assert (s._at(1.26), s._at(inf)) == ("1.3", "–")

@@ -114,12 +114,12 @@ def of(lost: int, flights: int, rms_m: float = 0.01) -> LeanCount:
         (0.01, of(0, 100, 0.0151), "✓✗"),
     ],
 )
-def test_a_lean_is_judged_by_its_share(turbulence: float, count: LeanCount, held: str) -> None:
+def test_a_lean_is_judged_by_its_fraction(turbulence: float, count: LeanCount, held: str) -> None:
     counts = {LeanCase("with", turbulence, 5.0): of(0, 9), LeanCase("with", turbulence, 9.0): count}
     assert signs(lean_count_claims(counts)) == held
 
 
-def test_the_worst_lean_is_that_of_the_largest_share_and_the_roughest_that_of_the_largest_rms() -> (
+def test_the_worst_lean_is_that_of_the_largest_fraction_and_the_roughest_of_the_largest_rms() -> (
     None
 ):
     counts = {

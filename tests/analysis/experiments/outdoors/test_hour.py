@@ -126,7 +126,7 @@ def test_the_line_is_held_against_the_walk(walked: FlownHour, *, holds: bool) ->
     assert hour._beside_the_walk([POWERED, waits, walked]).holds == holds
 
 
-def test_without_a_walk_nothing_is_said_of_one() -> None:
+def test_without_a_walk_nothing_is_reported_of_one() -> None:
     assert len(hour._claims([GOOD, HOME])) == 4
 
 

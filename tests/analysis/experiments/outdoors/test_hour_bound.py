@@ -32,7 +32,7 @@ def test_there_are_places_between_two_winds_alone(hill: SoaredHill) -> None:
     assert possible[(winds >= least) & (winds < fastest)].all()
 
 
-def test_the_share_is_that_of_the_time(hill: SoaredHill) -> None:
+def test_the_fraction_is_that_of_the_time(hill: SoaredHill) -> None:
     winds = np.array([7.0] * 30 + [3.0] * 10)
     assert soarable_fraction(hill, winds) == pytest.approx(0.75)
 

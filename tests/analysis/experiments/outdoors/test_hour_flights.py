@@ -400,7 +400,7 @@ def test_some_place_is_soarable_where_the_flow_by_hand_says_so(sink_mps: float) 
     assert not possible.all()
 
 
-def test_a_share_is_of_the_nearest_winds_in_the_table() -> None:
+def test_a_fraction_is_of_the_nearest_winds_in_the_table() -> None:
     hill = SoaredHill(radius_m=8.0, fence=FENCE, clearance_m=1.5, polar=FLAT)
     winds, possible = soarable_winds(hill, 9.0)
     least = float(winds[possible].min())

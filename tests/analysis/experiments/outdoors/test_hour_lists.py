@@ -137,7 +137,7 @@ def test_a_row_of_an_hour_is_in_minutes_and_per_cent() -> None:
     assert row[14] == "13, 13, 13"
 
 
-def test_ends_are_told_with_hill_wind_and_leave_the_most_frequent_first() -> None:
+def test_ends_are_reported_with_hill_wind_and_leave_the_most_frequent_first() -> None:
     hit = replace(FLOWN, case=HourCase(30.0, 9.0, 2, LINE), ended="hit the hill", landing=False)
     far = replace(FLOWN, along_m=30.0)
     assert hour._why([FLOWN, far, hit, hit, replace(FLOWN, ended="", landing=False)]) == (

@@ -71,7 +71,7 @@ def test_a_launch_that_is_given_up_must_land_to_count(landed: FlownPassage) -> N
         (0, 0, 0.95, False),
     ],
 )
-def test_a_share_is_shown_by_its_interval_and_not_by_its_count(
+def test_a_fraction_is_shown_by_its_interval_and_not_by_its_count(
     count: int, of: int, least: float, held: bool | None
 ) -> None:
     assert outdoors.shown(count, of, least) is held

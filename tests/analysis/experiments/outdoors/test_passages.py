@@ -269,7 +269,7 @@ def test_a_span_is_least_median_and_most_of_what_is_known() -> None:
     assert span([nan, inf]) == span([]) == "–"
 
 
-def test_within_is_a_share_of_all_ticks_to_either_side() -> None:
+def test_within_is_a_fraction_of_all_ticks_to_either_side() -> None:
     assert fraction_within([0.3, -0.3, 0.31, -0.31]) == 0.5
     assert fraction_within([]) == 0.0
     assert fraction_within([0.1]) == 1.0
@@ -294,7 +294,7 @@ def test_each_flight_stays_within_30_cm_to_the_end_or_the_claim_fails() -> None:
     assert stays_claim("kind", []).measured.endswith(" 0 % of the time")
 
 
-def test_so_many_flights_show_a_share_if_all_end_well() -> None:
+def test_so_many_flights_show_a_fraction_if_all_end_well() -> None:
     """The exact interval of n of n begins at 0.025 to the power of one n-th."""
     for least, wanted in ((0.99, 368), (0.95, 72), (0.9, 36)):
         assert outdoors.flights_to_show(least) == wanted

@@ -151,7 +151,7 @@ def test_e_rho_is_to_the_line_where_the_lift_is_and_not_where_the_operator_put_i
     assert found.off_m == pytest.approx([0.3] * len(found.off_m))
 
 
-def test_captures_ends_and_disengagements_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_captures_ends_and_disengagements_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     captured = ((5.0, 6.0), (15.5, 16.5), (20.0, 21.0))
 
     def script(t: float) -> Moment:

@@ -105,7 +105,7 @@ def test_a_receiver_steps_three_times_and_falls_silent_twice(
 
 
 @pytest.mark.parametrize("kind", [sat.HOME, sat.HELD, sat.UNREPORTED])
-def test_satellites_are_lost_for_15_s_and_it_is_said_late_or_not(kind: str) -> None:
+def test_satellites_are_lost_for_15_s_and_it_is_reported_late_or_not(kind: str) -> None:
     every = [fault for seed in SEEDS for fault in faults_of(kind, seed)]
     assert len(every) == len(SEEDS)
     for fault in every:

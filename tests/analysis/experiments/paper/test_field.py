@@ -36,7 +36,7 @@ def test_the_hill_has_its_three_places() -> None:
         assert stable_crossing(HillField(WIND_MPS, RADIUS_M), POLAR, upwind) is not None
 
 
-def test_what_is_said_of_the_places_follows_from_their_numbers() -> None:
+def test_what_is_reported_of_the_places_follows_from_their_numbers() -> None:
     places = positions()
     a, b, c = places
     words = why(places)

@@ -108,7 +108,7 @@ def test_a_line_that_meets_no_contour_has_no_rate() -> None:
     assert isnan(found.dispersion_formula_m)
 
 
-def test_a_lean_is_told_in_centimetres() -> None:
+def test_a_lean_is_reported_in_centimetres() -> None:
     s = lean_score(-10, 0.0123, 0.0045)._replace(
         rms_e_rho_m=0.0131, drift_m=-0.021, apart_m=0.034, dispersion_formula_m=0.056,
         rate_per_s=1.234, rms_y_m=nan,

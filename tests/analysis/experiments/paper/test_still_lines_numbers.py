@@ -152,7 +152,7 @@ def test_the_farthest_flight_is_that_which_is_off_for_certain() -> None:
     assert found.worst_file.miss_m == 0.06
 
 
-def test_a_leg_is_told_in_centimetres_and_degrees() -> None:
+def test_a_leg_is_reported_in_centimetres_and_degrees() -> None:
     one = summary(0.012)._replace(
         settling_s=2.34, rms_e_rho_m=0.0056, peak_e_rho_m=0.023, rms_y_m=0.123, rms_bank_rad=0.05,
         miss_error_m=0.003, own_miss_m=-0.021, own_error_m=0.004, apart_m=0.011,
@@ -262,7 +262,7 @@ def test_a_stall_is_a_reason_from_one_per_cent_of_the_time_on(
     assert stall_words(fraction, stalls=False).startswith(" A point mass has no stall")
 
 
-def test_what_sets_aircraft_apart_is_told_of_calm_air_and_several_flights() -> None:
+def test_what_sets_aircraft_apart_is_reported_of_calm_air_and_several_flights() -> None:
     calm = summary()._replace(dispersion_formula_m=0.0, apart_m=0.05, worst_glide_m=-0.004)
     other = calm._replace(line="b", apart_m=0.08, worst_glide_m=0.002)
     for several in ([calm, other], [other, calm]):
@@ -380,7 +380,7 @@ def test_each_is_flown_in_calm_air_once_and_in_turbulence_with_every_seed(
     assert quick.intensity == 0.01
 
 
-def test_the_lines_that_are_flown_are_told_once_each() -> None:
+def test_the_lines_that_are_flown_are_reported_once_each() -> None:
     assert flown_lines(prepared("rotate").scenario) == ["upright", "leaning"]
     assert flown_lines(prepared("translate").scenario) == ["a", "b", "c"]
     numbers = concluded(rotate)[0].numbers["lines"]
@@ -410,7 +410,9 @@ def test_a_quick_one_is_judged_by_twice_the_bound() -> None:
     assert signs(static(Context(flyer=ScriptedFlyer(off))).claims) == "✓✗"
 
 
-def test_how_far_off_the_files_contour_is_from_dispersed_aircraft_is_told_and_no_claim() -> None:
+def test_how_far_off_the_files_contour_is_from_dispersed_aircraft_is_reported_and_no_claim() -> (
+    None
+):
     flyer = ScriptedFlyer(answer)
     result = static(Context(flyer=flyer, dispersion=True))
     assert len(result.claims) == 2
