@@ -115,7 +115,9 @@ def test_a_rangefinder_that_is_wrong_is_reported_and_moves_little(
 
 
 def test_drop_outs_and_lost_numbers_are_no_fault(plain: Recorded) -> None:
-    silent = flown(2, "rangefinder.dropout start=7 for=2", "rangefinder.nan start=9 for=2 share=1")
+    silent = flown(
+        2, "rangefinder.dropout start=7 for=2", "rangefinder.nan start=9 for=2 fraction=1"
+    )
     assert not any(faults & RANGE for faults in silent.faults)
     assert silent.modes[-1] == SOARING
     assert max(abs(a - b) for a, b in zip(silent.z_m, plain.z_m, strict=True)) < 0.5

@@ -287,7 +287,7 @@ def flown_with_faults(
 @needs_numba
 def test_faults_act_alike_in_a_plain_and_in_a_compiled_world() -> None:
     faults = [
-        parse_fault("position.loss start=1 for=2 share=0.3"),
+        parse_fault("position.loss start=1 for=2 fraction=0.3"),
         parse_fault("attitude.bias start=1.5 for=1 roll=4 pitch=-2 heading=1"),
         parse_fault("elevator.slow start=2 for=1 rate=1.5"),
         parse_fault("air.gust start=2 for=1 along=0.7 up=0.3"),

@@ -30,9 +30,9 @@ def test_a_fault_reads_as_it_is_written() -> None:
 
 
 def test_what_is_left_out_has_its_default() -> None:
-    fault = parse_fault("link.loss share=0.4")
+    fault = parse_fault("link.loss fraction=0.4")
     declared = {number.name: number.default for number in CATALOGUE["link.loss"].numbers}
-    assert fault.values == {**declared, "share": 0.4}
+    assert fault.values == {**declared, "fraction": 0.4}
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_what_is_left_out_has_its_default() -> None:
         ("position.dropout start=soon", "must be a number from 0 to 1e+06 s"),
         ("position.dropout start=nan", "must be a number from 0"),
         ("position.dropout for=-1", "for = '-1': must be a number from 0"),
-        ("link.loss share=1.5", "share = '1.5': must be a number from 0 to 1"),
+        ("link.loss fraction=1.5", "fraction = '1.5': must be a number from 0 to 1"),
     ],
 )
 def test_a_mistake_is_reported_with_what_is_allowed(text: str, says: str) -> None:

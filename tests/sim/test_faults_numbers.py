@@ -28,7 +28,7 @@ def lasts(default: str, drawn: str) -> str:
 
 
 def fraction(default: str, drawn: str) -> str:
-    return f"share {default} in 0..1 drawn {drawn}"
+    return f"fraction {default} in 0..1 drawn {drawn}"
 
 
 def later(default: str, drawn: str) -> str:
@@ -89,7 +89,7 @@ DECLARED: dict[str, list[str]] = {
         lasts("15", "1..30"),
         "north 0.03 m/s² in -10..10 drawn -0.04..0.04",
         "east 0 m/s² in -10..10 drawn -0.04..0.04",
-        "told 7 s in 0..1e+06 drawn 5..10",
+        "reported 7 s in 0..1e+06 drawn 5..10",
     ],
     **{f"{surface}.stuck": [SERVO] for surface in SURFACES},
     **{f"{s}.slow": [SERVO, "rate 1 1/s in 0.01..100 drawn 0.2..4"] for s in SURFACES},

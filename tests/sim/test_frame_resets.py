@@ -162,7 +162,9 @@ def dead_reckoned(
     values = values.changed({**line_parameters(next(iter(site.lines.values()))), "AGE_POS_DR": 20})
     world = make_world(airframe, site, seed=3, turbulence=TURBULENCE, field=build_field(site.air))
     # 1.7 m at last, along the wind of this site: what was seen through a real autopilot.
-    fault = f"position.reckoned start={RESET_S} for={lasts_s} north=0 east=-0.015 told={reported_s}"
+    fault = (
+        f"position.reckoned start={RESET_S} for={lasts_s} north=0 east=-0.015 reported={reported_s}"
+    )
     loop = ClosedLoop(world, values, Injection([parse_fault(fault)]))
     frame, reckoning = FrameWords(), ReckoningWords()
     outputs, words = [], []

@@ -74,31 +74,31 @@ def test_jitter_delays_each_by_another_time_up_to_its_bound() -> None:
 
 
 def test_reordering_lets_later_ones_overtake_and_loses_none() -> None:
-    items = [item for _, item in passed("link.reorder start=0 for=9 share=0.3 by=0.03")]
+    items = [item for _, item in passed("link.reorder start=0 for=9 fraction=0.3 by=0.03")]
     assert sorted(items) == list(range(300))
     assert items != sorted(items)
 
 
 def test_duplicates_come_twice_and_in_the_fraction_asked_for() -> None:
-    items = [item for _, item in passed("link.duplicate start=0 for=9 share=0.3 by=0.02")]
+    items = [item for _, item in passed("link.duplicate start=0 for=9 fraction=0.3 by=0.02")]
     assert set(items) == set(range(300))
     # 300 draws of 0.3: three standard deviations are 24.
     assert len(items) - 300 == pytest.approx(90, abs=24)
 
 
 def test_loss_takes_the_fraction_asked_for() -> None:
-    items = [item for _, item in passed("link.loss start=0 for=9 share=0.3")]
+    items = [item for _, item in passed("link.loss start=0 for=9 fraction=0.3")]
     assert len(set(items)) == len(items) == pytest.approx(210, abs=24)
 
 
 def test_the_same_seed_gives_the_same_faults_and_another_does_not() -> None:
-    loss = "link.loss start=0 for=9 share=0.5"
+    loss = "link.loss start=0 for=9 fraction=0.5"
     assert passed(loss) == passed(loss)
     assert passed(loss) != passed(loss, seed="2")
 
 
 def test_datagrams_keep_their_length_where_bits_are_turned() -> None:
-    injection = Injection([parse_fault("link.corrupt start=0 for=9 share=1")])
+    injection = Injection([parse_fault("link.corrupt start=0 for=9 fraction=1")])
     wire = injection.wire("down")
     assert wire is not None
     wire.send(0.0, (7, bytes(40)))
@@ -150,7 +150,7 @@ def test_a_position_that_freezes_again_stays_where_it_is_then() -> None:
 
 
 def test_numbers_are_lost_and_stamps_go_on() -> None:
-    reported = positions("position.nan start=0.095 for=0.2 share=1")
+    reported = positions("position.nan start=0.095 for=0.2 fraction=1")
     lost = [f for f in reported if isnan(f.north_m)]
     assert len(lost) == 20
     assert all(isnan(f.velocity_down_mps) and f.time_s > 0.0 for f in lost)
@@ -168,7 +168,7 @@ def test_a_bias_is_added_in_the_units_that_it_is_given_in() -> None:
 
 def test_a_dead_reckoned_position_drifts_away_says_so_late_and_comes_back() -> None:
     # At half steps: arithmetic decides no comparison.
-    found = positions("position.reckoned start=0.095 for=0.3 north=8 east=-2 told=0.2")
+    found = positions("position.reckoned start=0.095 for=0.3 north=8 east=-2 reported=0.2")
     for here in found:
         true, at_s = fix(here.sequence), here.sequence * DT
         lasted_s = at_s - 0.095 if 0.095 <= at_s < 0.395 else 0.0
@@ -193,7 +193,7 @@ def test_other_sensors_pass_as_they_are() -> None:
 
 
 def test_a_duplicate_is_an_old_stamp_under_a_new_number() -> None:
-    reported = positions("position.duplicate start=0 for=9 share=1 by=0.005")
+    reported = positions("position.duplicate start=0 for=9 fraction=1 by=0.005")
     again = [(a, b) for a, b in pairwise(reported) if b.time_s <= a.time_s]
     assert reported[-1].sequence > fix(49).sequence
     assert all(b.sequence > a.sequence for a, b in again)
@@ -341,6 +341,6 @@ def test_a_brake_that_is_stuck_stays() -> None:
 @pytest.mark.parametrize("of", ["position", "attitude", "imu", "airspeed"])
 def test_what_a_fault_draws_is_not_what_the_sensor_drew(of: str) -> None:
     """One stream for both tied a sensor's bias to which of its samples were lost."""
-    lossy = parse_fault(f"{of}.loss start=0 for=9 share=0.5")
+    lossy = parse_fault(f"{of}.loss start=0 for=9 fraction=0.5")
     channel = Measured[Any](of, (lossy,), 3)._fault_channel
     assert channel._random.random() != Random(f"3/{of}").random()

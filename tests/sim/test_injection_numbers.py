@@ -92,13 +92,13 @@ def test_delays_add_up_and_keep_the_order() -> None:
 
 @pytest.mark.parametrize(("draws", "lost"), [(0.29, True), (0.31, False)])
 def test_a_fraction_is_of_all_that_passes(draws: float, lost: bool) -> None:
-    made = channel("link.loss start=0 for=1 share=0.3", draws=draws)
+    made = channel("link.loss start=0 for=1 fraction=0.3", draws=draws)
     made.send(0.0, "a")
     assert made.arrived(9.0) == ([] if lost else ["a"])
 
 
 def test_one_that_is_overtaken_holds_up_no_other() -> None:
-    made = channel("link.reorder start=0 for=1 share=1 by=0.3")
+    made = channel("link.reorder start=0 for=1 fraction=1 by=0.3")
     made.send(0.9, "a")
     made.send(1.0, "b")
     assert made.arrived(1.1) == ["b"]
@@ -107,7 +107,9 @@ def test_one_that_is_overtaken_holds_up_no_other() -> None:
 
 
 def test_one_that_comes_twice_comes_so_much_later_again() -> None:
-    made = channel("link.duplicate start=0 for=1 share=1 by=0.2", "link.delay start=0 for=1 by=0.1")
+    made = channel(
+        "link.duplicate start=0 for=1 fraction=1 by=0.2", "link.delay start=0 for=1 by=0.1"
+    )
     made.send(0.0, "a")
     assert made.arrived(0.1) == ["a"]
     assert made.arrived(0.29) == []
@@ -122,11 +124,11 @@ def test_what_arrives_at_once_keeps_its_order() -> None:
 
 
 def test_what_is_corrupted_beyond_use_is_refused_and_else_goes_on() -> None:
-    refused = channel("link.corrupt start=0 for=1 share=1")
+    refused = channel("link.corrupt start=0 for=1 fraction=1")
     refused.send(0.0, "a")
     assert refused.arrived(9.0) == []
     turned: FaultChannel[str] = FaultChannel(
-        parse_faults(["link.corrupt start=0 for=1 share=1"]), "1", lambda item, _: item.upper()
+        parse_faults(["link.corrupt start=0 for=1 fraction=1"]), "1", lambda item, _: item.upper()
     )
     turned.send(0.0, "a")
     turned.send(1.0, "b")
@@ -142,7 +144,7 @@ def test_faults_of_other_kinds_do_not_hold_it_up() -> None:
 def test_one_to_eight_bits_of_a_datagram_are_turned() -> None:
     """Over 400 datagrams all eight numbers and all bits are met; a bit turned twice is turned
     back."""
-    wire = Injection(parse_faults(["link.corrupt start=0 for=999 share=1"])).wire("up")
+    wire = Injection(parse_faults(["link.corrupt start=0 for=999 fraction=1"])).wire("up")
     assert wire is not None
     for _ in range(400):
         wire.send(0.0, (3, bytes(50)))
@@ -249,14 +251,14 @@ def test_noise_is_of_each_axis_its_own() -> None:
 
 
 def test_where_numbers_are_lost_stamps_source_and_kind_stay() -> None:
-    found = injected("position.nan start=0 for=1 share=1", fix(1, 0.25))
+    found = injected("position.nan start=0 for=1 fraction=1", fix(1, 0.25))
     assert (found.sequence, found.time_s, found.source, found.reckoned) == (1, 0.25, 4, False)
     assert all(isnan(value) for value in (*found[2:8], found.sigma_m))
-    assert injected("position.nan start=0 for=1 share=0", fix(1)) == fix(1)
+    assert injected("position.nan start=0 for=1 fraction=0", fix(1)) == fix(1)
 
 
 def test_a_dead_reckoned_position_drifts_by_half_the_error_times_the_square_of_the_time() -> None:
-    text = "position.reckoned start=10 for=20 north=0.2 east=-0.4 told=5"
+    text = "position.reckoned start=10 for=20 north=0.2 east=-0.4 reported=5"
     for now_s, says in ((12.0, False), (14.99, False), (15.0, True), (20.0, True)):
         found = injected(text, fix(1), now_s)
         t = now_s - 10.0

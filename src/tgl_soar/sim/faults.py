@@ -119,7 +119,7 @@ def _for(default: float, low: float, high: float) -> Number:
 
 def _fraction(default: float, low: float, high: float) -> Number:
     return Number(
-        name="share",
+        name="fraction",
         unit="",
         low=0.0,
         high=1.0,
@@ -366,7 +366,7 @@ _RECKONED: Final = FaultKind(
         _drift("north", 0.03),
         _drift("east", 0.0),
         Number(
-            name="told",
+            name="reported",
             unit="s",
             low=0.0,
             high=_LONGEST_S,

@@ -82,7 +82,7 @@ class FaultChannel(Generic[Item]):
                 arrives += fault["by"]
             elif way == "jitter":
                 arrives += random.uniform(0.0, fault["by"])
-            elif random.random() < fault["share"]:
+            elif random.random() < fault["fraction"]:
                 if way == "loss":
                     return
                 if way == "corrupt":
@@ -168,7 +168,7 @@ class Measured(Generic[Sample]):
                 self._frozen = self._frozen or sample
                 sample = self._frozen._replace(sequence=sample.sequence, time_s=sample.time_s)
             elif fault.way == "nan":
-                if self._random.random() < fault["share"]:
+                if self._random.random() < fault["fraction"]:
                     sample = _without_numbers(sample)
             elif fault.way == "bias":
                 sample = _wrong_by(sample, fault.offsets)
@@ -223,7 +223,7 @@ def _dead_reckoned(sample: Any, fault: Fault, now_s: float) -> Any:
         east_m=sample.east_m + 0.5 * lasted_s * east,
         velocity_north_mps=sample.velocity_north_mps + north,
         velocity_east_mps=sample.velocity_east_mps + east,
-        reckoned=lasted_s >= fault["told"],
+        reckoned=lasted_s >= fault["reported"],
     )
 
 

@@ -82,7 +82,7 @@ def test_a_short_gap_is_survived_a_pilot_is_obeyed() -> None:
 
 def test_a_flight_is_the_same_wherever_it_is_flown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drawn_faults, "fly_job", partial(fly_job, duration_s=SHORT_S))
-    jobs = [job("position.loss start=2 for=2 share=0.5")._replace(seed=s) for s in (1, 2)]
+    jobs = [job("position.loss start=2 for=2 fraction=0.5")._replace(seed=s) for s in (1, 2)]
     here = fly_all(drawn_faults.fly_fault_job, jobs, InLine())
     assert here == fly_all(drawn_faults.fly_fault_job, jobs, LocalProcesses(2))
     assert here == [fly_job(each, SHORT_S) for each in jobs]

@@ -139,7 +139,7 @@ def test_accelerations_are_lost(simulation: MakeSimulation) -> None:
 def test_accelerations_that_are_no_numbers_are_integers_of_zero(
     simulation: MakeSimulation,
 ) -> None:
-    received = listened(simulation("imu.nan start=1 for=0.5 share=1"), 2.0, RAW_IMU)
+    received = listened(simulation("imu.nan start=1 for=0.5 fraction=1"), 2.0, RAW_IMU)
     reported = [(t, f.message) for t, f in received if f.message.get_type() == "RAW_IMU"]
     weightless = [t for t, m in reported if (m.xacc, m.yacc, m.zacc) == (0, 0, 0)]
     assert weightless == [t for t, _ in reported if 1.0 <= t < 1.5]
@@ -212,9 +212,9 @@ def options(out: Path, **changes: Any) -> SitlOptions:
 
 def test_lost_datagrams_are_the_same_ones_in_every_lockstep_flight(tmp_path: Path) -> None:
     faults = (
-        "link.loss start=2 for=9 share=0.15",
+        "link.loss start=2 for=9 fraction=0.15",
         "link.jitter start=2 for=9 by=0.02",
-        "link.corrupt start=2 for=9 share=0.05",
+        "link.corrupt start=2 for=9 fraction=0.05",
     )
     logs = []
     for name in ("first", "second"):

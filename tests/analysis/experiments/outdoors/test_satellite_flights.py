@@ -95,7 +95,7 @@ def test_a_receiver_steps_three_times_and_falls_silent_twice(
     assert {fault.kind.name for fault in silent} == {"position.reckoned"}
     for fault in silent:
         assert hypot(fault["north"], fault["east"]) == pytest.approx(0.03, abs=1e-4)
-        assert fault["told"] == 1e6  # never
+        assert fault["reported"] == 1e6  # never
     lasts = [fault["for"] for fault in silent]
     assert 1.0 <= min(lasts) < 1.2
     assert 5.8 < max(lasts) <= 6.0
@@ -114,7 +114,7 @@ def test_satellites_are_lost_for_15_s_and_it_is_reported_late_or_not(kind: str) 
         assert hypot(fault["north"], fault["east"]) == pytest.approx(0.03, abs=1e-4)
         assert 15.0 <= fault.start_s <= 17.0
     assert len({fault["north"] > 0.0 for fault in every}) == 2
-    reported_s = [fault["told"] for fault in every]
+    reported_s = [fault["reported"] for fault in every]
     if kind == sat.UNREPORTED:
         assert set(reported_s) == {1e6}
     else:

@@ -172,7 +172,9 @@ def _drawn_faults(job: SatelliteJob, random: Random) -> tuple[str, ...]:
     drift = f"north={RECKONED_MPS2 * north:.4f} east={RECKONED_MPS2 * east:.4f}"
     if job.kind not in DRIFTS:
         reported_s = 1e6 if job.kind == UNREPORTED else uniform(5.0, 10.0)
-        return (f"position.reckoned start={begin:.3f} for={LOST_S} {drift} told={reported_s:.3f}",)
+        return (
+            f"position.reckoned start={begin:.3f} for={LOST_S} {drift} reported={reported_s:.3f}",
+        )
     steps, up = [], STEPS_UP_M[job.kind]
     for _ in range(3):
         at, lasts = uniform(BEGIN_S[1], RECEIVER_S - 30.0), uniform(5.0, 20.0)
@@ -181,7 +183,7 @@ def _drawn_faults(job: SatelliteJob, random: Random) -> tuple[str, ...]:
         steps.append(f"position.bias start={at:.3f} for={lasts:.3f} {by}")
     for _ in range(2):
         at, lasts = uniform(BEGIN_S[1], RECEIVER_S - 20.0), uniform(1.0, 6.0)
-        steps.append(f"position.reckoned start={at:.3f} for={lasts:.3f} {drift} told=1e6")
+        steps.append(f"position.reckoned start={at:.3f} for={lasts:.3f} {drift} reported=1e6")
     return tuple(steps)
 
 
