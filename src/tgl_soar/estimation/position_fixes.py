@@ -20,15 +20,15 @@ move by c more than is estimated.  Of a source whose velocity is wrong c goes on
 that scatters it turns round:
 
     |c - c_before|² > GATE_SIGMAS² (P + P_before + 6 R)    and    |c - c_before| > a T²
-        =>    R_seen = |c - c_before|² / 18
+        =>    R_turns = |c - c_before|² / 18
 
 P the filter's variance of the position, R the source's of a fix, on each axis: three independent
 fixes, with weights 1, -2 and 1, differ so by 6 R on each of three axes.  a is an acceleration that
-the filter may not know of, T the longer of the two steps.  R_seen counts instead of R where it is
+the filter may not know of, T the longer of the two steps.  R_turns counts instead of R where it is
 more, and fades with each fix that follows as it should (NOISE_KEPT).  So noise is not believed, and
 who has moved once, by no more than the gate, is followed within some fifty fixes.
 
-Where R_seen counts the velocities of that source count as much less, else they would lead alone;
+Where R_turns counts the velocities of that source count as much less, else they would lead alone;
 and what is so explained is no outlier.  Nor do fixes then hold the estimate: a frame is taken for
 moved only where no more turns told of it than a step or one wild fix makes, and outliers stand.
 
@@ -268,8 +268,8 @@ def _compared(
             )
         shift = FrameShift(shift.x_m + rx, shift.y_m + ry, shift.z_m + rz)
         velocity = track_vx + vx, track_vy + vy, track_climb + climb
-        told = not outliers.gap and _stands(state, outliers, measured.variance_m2, now_s)
-        if not told or not _is_reset(gains, covariance, measured, velocity, shift):
+        has_moved = not outliers.gap and _stands(state, outliers, measured.variance_m2, now_s)
+        if not has_moved or not _is_reset(gains, covariance, measured, velocity, shift):
             compared = state._replace(innovation=innovation, jump_s=now_s, astray_s=now_s)
             return _start(gains, compared, latest, measured, place)
         rx, ry, rz = 0.0, 0.0, 0.0
@@ -303,8 +303,8 @@ def _compared(
 def _reach(gains: MotionGains, scatter_m2: float, noise: FixNoise) -> float:
     """How far a fix may be off that is no outlier; scatter_m2: of what both say, on each axis."""
     most_m = NOISE_GATES * gains.fix_gate_m
-    seen_m2 = min(noise.variance_m2, most_m * most_m)
-    return max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter_m2 + seen_m2))
+    observed_m2 = min(noise.variance_m2, most_m * most_m)
+    return max(gains.fix_gate_m, GATE_SIGMAS * sqrt(scatter_m2 + observed_m2))
 
 
 def _scattered(
@@ -330,8 +330,8 @@ def _scattered(
     flown_m = worst_mps2 * longer_s * longer_s
     is_noise = square > max(GATE_SIGMAS * GATE_SIGMAS * explained_m2, flown_m * flown_m)
     alone = kept_m2 <= fix_m2  # the first: those before it were as good as they said
-    seen_m2 = square / (3.0 if alone else 18.0) if is_noise else 0.0
-    variance_m2 = max(NOISE_KEPT * kept_m2, seen_m2)
+    observed_m2 = square / (3.0 if alone else 18.0) if is_noise else 0.0
+    variance_m2 = max(NOISE_KEPT * kept_m2, observed_m2)
     return FixNoise(
         variance_m2=variance_m2,
         x_m=rx,

@@ -61,11 +61,11 @@ class FlownLeg:
     found: dict[str, float] = field(default_factory=dict)
     moved_s: float = float("-inf")  # when that was last seen to move
 
-    def follow(self, seen: LastTelemetry) -> None:
+    def follow(self, telemetry: LastTelemetry) -> None:
         """Take the line that is flown for this leg's."""
-        shown = {name: seen.values.get(key, float("nan")) for name, key in LINE.items()}
+        shown = {name: telemetry.values.get(key, float("nan")) for name, key in LINE.items()}
         if shown != self.found and all(isfinite(value) for value in shown.values()):
-            self.found, self.moved_s = shown, seen.time_s
+            self.found, self.moved_s = shown, telemetry.time_s
 
 
 @dataclass

@@ -305,11 +305,11 @@ def _losses(frames: _Frames, rows: NDArray[np.intp]) -> dict[str, tuple[int, int
 def read_tlog(name: str, log: Tlog) -> FlightData:
     """A flight that was recorded on the wire."""
     system = _vehicle(log)
-    told = log.kinds.get("NAMED_VALUE_FLOAT")
+    named = log.kinds.get("NAMED_VALUE_FLOAT")
     reported = (
         {}
-        if told is None
-        else named_values(told.time_s, told.columns["name"], told.columns["value"])
+        if named is None
+        else named_values(named.time_s, named.columns["name"], named.columns["value"])
     )
     position, absolute = _position(log, system)
     flight = FlightData(
@@ -437,8 +437,8 @@ def _airspeed(log: Tlog, system: int) -> Series | None:
     sensors = status.columns["onboard_control_sensors_present"]
     sensors = sensors & status.columns["onboard_control_sensors_health"]
     healthy = (sensors & SENSOR_DIFFERENTIAL_PRESSURE != 0).astype(float)
-    told = Series(status.time_s, {"healthy": healthy}, "SYS_STATUS")
-    measured = told.last_at("healthy", hud.time_s) > 0.0
+    health = Series(status.time_s, {"healthy": healthy}, "SYS_STATUS")
+    measured = health.last_at("healthy", hud.time_s) > 0.0
     if not measured.any():
         return None
     shown = np.where(measured, hud.columns["airspeed"].astype(float), np.nan)

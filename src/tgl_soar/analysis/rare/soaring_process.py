@@ -250,28 +250,28 @@ class SoaringProcess:
         what was looked at before."""
         if not why or not len(shown):
             return why
-        seen = dict(zip(SHOWN, shown.T, strict=True))
-        x_m, y_m, z_m = (float(seen[name][-1]) for name in ("x_m", "y_m", "z_m"))
+        columns = dict(zip(SHOWN, shown.T, strict=True))
+        x_m, y_m, z_m = (float(columns[name][-1]) for name in ("x_m", "y_m", "z_m"))
         if "fence" in why:
             side = int(np.argmin(self._distances(x_m, y_m, z_m)[1:]))
             why = f"{why}, {SIDES[side]}"
         last = self.looks_in(STALLED_S)
         stall_rad = self.case.airframe.aerodynamics().stall_alpha_rad
-        return why if seen["alpha_rad"][-last:].mean() < stall_rad else f"{why}, stalled"
+        return why if columns["alpha_rad"][-last:].mean() < stall_rad else f"{why}, stalled"
 
     def margins(self, shown: FloatArray, outlook: Outlook = OUTLOOK) -> FloatArray:
         """Of a flight that flies: at each look (n); shown: all of them so far, (n, columns of
         SHOWN)."""
         if not len(shown):
             return np.empty(0)
-        seen = dict(zip(SHOWN, shown.T, strict=True))
-        place = np.stack([seen["x_m"], seen["y_m"], seen["z_m"]])
-        past_s = np.diff(seen["time_s"], prepend=-inf)  # of the first no velocity is known
+        columns = dict(zip(SHOWN, shown.T, strict=True))
+        place = np.stack([columns["x_m"], columns["y_m"], columns["z_m"]])
+        past_s = np.diff(columns["time_s"], prepend=-inf)  # of the first no velocity is known
         place += outlook.motion_s * np.diff(place, prepend=place[:, :1]) / past_s
-        place[2] += outlook.gust_s * (seen["updraft_mps"] - self._updraft_mps)
+        place[2] += outlook.gust_s * (columns["updraft_mps"] - self._updraft_mps)
         trim = self.prepared.world.trim
-        place[2] += outlook.speed_s * (seen["airspeed_mps"] - trim.airspeed_mps)
-        place[2] += outlook.nose_m * (seen["pitch_rad"] - trim.pitch_rad)
+        place[2] += outlook.speed_s * (columns["airspeed_mps"] - trim.airspeed_mps)
+        place[2] += outlook.nose_m * (columns["pitch_rad"] - trim.pitch_rad)
         least = (self._distances(*place) / self._usual[:, None]).min(axis=0)
         # Nothing is lost that still flies: beyond a limit it goes on down, and never to 0.
         beyond: FloatArray = EDGE * np.exp(np.minimum(least, EDGE) / EDGE - 1.0)

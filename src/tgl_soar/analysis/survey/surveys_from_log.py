@@ -30,8 +30,8 @@ def surveys_of(flight: FlightData) -> list[SurveyPath]:
         last_s, last = spans[-1][-1] if spans else (-np.inf, IDLE)
         # A value that is shown again, as when a station asks for all of them, is nothing new; a
         # beginning that is said again later is, where the log lacks the end before it.
-        said_again = event.kind == "message" and event.time_s - last_s >= SAME_S
-        if standing == last and not said_again:
+        is_repeated = event.kind == "message" and event.time_s - last_s >= SAME_S
+        if standing == last and not is_repeated:
             continue
         if standing == DOWNSTREAM or not spans:
             spans.append([])

@@ -146,8 +146,8 @@ class Station:
         sender = source_of(frame)
         stream = (frame[-SIGNATURE], sender.system, sender.component)
         stamp = int.from_bytes(frame[-SIGNATURE + 1 : -6], "little")
-        heard: int = self.codec.signing.stream_timestamps.get(stream, 0)
-        return stamp > heard
+        newest: int = self.codec.signing.stream_timestamps.get(stream, 0)
+        return stamp > newest
 
     def receive(self, data: bytes, now_s: float, wall_s: float) -> int:
         """Take in bytes of the link; how many messages of the module or its autopilot."""
