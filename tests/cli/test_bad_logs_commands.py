@@ -67,7 +67,7 @@ def _newer(ours: bytes) -> bytes:
 
 
 def _other_layout(ours: bytes) -> bytes:
-    return ours.replace(LAYOUT + b"1", LAYOUT + b"9")
+    return ours.replace(LAYOUT + b"2", LAYOUT + b"9")
 
 
 @pytest.mark.parametrize(

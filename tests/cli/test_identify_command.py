@@ -11,6 +11,7 @@ from tgl_soar.analysis.experiments.aircraft.identification import AIRFRAME
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import load_airframe
 from tgl_soar.config.parameters import ParameterSet
+from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.sim.glide_test import WIND_MPS, fly
@@ -21,7 +22,7 @@ from tgl_soar.types import polar_sink
 def glide_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The module on board of a gliding test flight."""
     folder = tmp_path_factory.mktemp("glide")
-    metadata = LogMetadata({"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0"}, {})
+    metadata = LogMetadata({"sys_name": "tgl_soar", "ver_log": str(VERSION), "ver_sw": "0"}, {})
     recorder = FlightRecorder(folder, metadata, 0.0, patient=True)
     recorder.start()
     recorder.parameters(ParameterSet())

@@ -33,6 +33,7 @@ from tgl_soar.config.files import (
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.laws import laws_from
 from tgl_soar.geometry import euler_from_quaternion
+from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.telemetry_values import FAST, fast_value
@@ -109,7 +110,12 @@ def flight() -> tuple[Tick, ...]:
 def our_parts(folder: Path, largest_bytes: int = 1_000_000_000) -> list[Path]:
     """The module's own log, in as many parts as its largest size makes of it."""
     metadata = LogMetadata(
-        {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0", "site_file": str(SITE)},
+        {
+            "sys_name": "tgl_soar",
+            "ver_log": str(VERSION),
+            "ver_sw": "0.1.0",
+            "site_file": str(SITE),
+        },
         {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
     )
     recorder = FlightRecorder(folder, metadata, 0.0, patient=True, largest_bytes=largest_bytes)

@@ -125,7 +125,7 @@ def test_a_newer_ulog_says_that_it_is_newer_or_reads(tmp_path: Path) -> None:
 
 def test_our_log_of_another_layout_is_read_and_said_to_be_of_another(tmp_path: Path) -> None:
     path = flown.our_log(tmp_path)
-    path.write_bytes(path.read_bytes().replace(b"char[1] ver_log1", b"char[1] ver_log9"))
+    path.write_bytes(path.read_bytes().replace(b"char[1] ver_log2", b"char[1] ver_log9"))
     flight = read_flight(path)
     assert attitudes(flight) > 100
     assert any("layout 9" in text for text in flight.lost)

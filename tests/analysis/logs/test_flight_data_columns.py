@@ -26,7 +26,7 @@ EXPECTED = {
     "ages": "position_age_s attitude_age_s heartbeat_age_s",
     "margins": "clearance_m stall_rad",
     "forecast": "standing chance ahead_s z_m",
-    "throttle": "share climb_mps",
+    "throttle": "fraction climb_mps",
     "point": "standing off_m brake",
     "excitation": "standing injected_rad setpoint_rad pitch_rad elevator elevator_p elevator_i",
 }

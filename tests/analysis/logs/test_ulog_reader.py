@@ -249,6 +249,35 @@ def test_our_own_log_says_its_layout_and_whether_a_tick_was_logged() -> None:
     assert ours(VERSION + 1).losses == [other, "no tick was logged"]
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("afresh", "reset"),
+        ("imu_share", "imu_weight"),
+        ("throttle_share", "throttle_fraction"),
+        ("wind_belief_p_xx", "wind_posterior_p_xx"),
+        ("motion_turning_time_s", "motion_attitude_track_time_s"),
+        ("passage_glide_turning_nose", "launch_landing_glide_airspeed_error_nose"),
+        ("passage_launch_since_s", "launch_landing_launch_since_s"),
+        ("turns", "turns"),
+    ],
+)
+def test_columns_of_the_first_layout_are_found_by_the_names_of_today(old: str, new: str) -> None:
+    state = layout("state", f"uint64_t timestamp;float {old};")
+    row = message("D", pack("<HQf", 1, 1_000_000, 2.5))
+
+    def written(name: str, version: int) -> FlightLog:
+        head = info("sys_name", name) + info("ver_log", str(version))
+        return log(subscribed("state", 1), row, *POSES, defined=DEFINED + state + head)
+
+    found = written("tgl_soar", 1)
+    assert found.topics["state"][new].tolist() == [2.5]
+    assert set(found.topics["state"]) == {"timestamp", new}
+    assert f"written with layout 1, read with {VERSION}: fields may differ" in found.losses
+    for other in (written("tgl_soar", 2), written("somebody", 1)):
+        assert set(other.topics["state"]) == {"timestamp", old}
+
+
 # --- files --------------------------------------------------------------------------------------
 
 

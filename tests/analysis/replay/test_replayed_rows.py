@@ -120,7 +120,7 @@ def test_states_are_read_with_their_ticks_and_whether_they_are_new() -> None:
     rows: dict[str, Any] = {
         leaf.name: np.array([n, n + 1]).astype(leaf.kind) for n, leaf in enumerate(leaves)
     }
-    rows |= {"tick": np.array([7, 15]), "afresh": np.array([True, False])}
+    rows |= {"tick": np.array([7, 15]), "reset": np.array([True, False])}
     notes: list[str] = []
     (_, _, one), (_, _, other) = found = module._states(log(state=rows), notes)
     assert [each[:2] for each in found] == [(7, True), (15, False)]

@@ -8,6 +8,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
+from tgl_soar.onboard.flightlog.topics import VERSION
 from tgl_soar.onboard.flightlog.ulog_messages import LogMetadata
 from tgl_soar.onboard.flightlog.writer import FlightRecorder
 from tgl_soar.onboard.module import ModuleOptions, Onboard
@@ -18,7 +19,7 @@ from tgl_soar.types import SurfaceCommand
 AIRFRAME = shipped("airframes/eclipson_c.toml")
 SITE = shipped("sites/tunnel.toml")
 METADATA = LogMetadata(
-    {"sys_name": "tgl_soar", "ver_log": "1", "ver_sw": "0.1.0"},
+    {"sys_name": "tgl_soar", "ver_log": str(VERSION), "ver_sw": "0.1.0"},
     {"airframe": AIRFRAME.read_text(), "site": SITE.read_text()},
 )
 ENGAGED_S, MOVED_S = 0.4, 2.0  # when the operator engages, and when the line is moved

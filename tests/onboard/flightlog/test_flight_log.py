@@ -727,7 +727,7 @@ def test_a_clock_that_jumps_is_reported(tmp_path: Path) -> None:
 
 def test_another_layout_is_reported(path: Path, tmp_path: Path) -> None:
     data = path.read_bytes()
-    old, new = b"char[1] ver_log1", b"char[1] ver_log9"
+    old, new = b"char[1] ver_log2", b"char[1] ver_log9"
     assert data.count(old) == 1
     (tmp_path / "other.ulg").write_bytes(data.replace(old, new))
     assert "layout 9" in read_log(tmp_path / "other.ulg").losses[0]

@@ -42,7 +42,7 @@ COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "ages": ("position_age_s", "attitude_age_s", "heartbeat_age_s"),
     "margins": ("clearance_m", "stall_rad"),  # to the ground, of the angle of attack
     "forecast": ("standing", "chance", "ahead_s", "z_m"),  # as `control.forecast` has them
-    "throttle": ("share", "climb_mps"),  # sent, 0 … 1, and what climb the propeller gives
+    "throttle": ("fraction", "climb_mps"),  # sent, 0 … 1, and what climb the propeller gives
     # How a point of the line is held (`control.point_hold`), how far along the line the aircraft is
     # off it, and the brake as it is commanded.
     "point": ("standing", "off_m", "brake"),

@@ -84,6 +84,10 @@ A log that is empty, cut off, damaged, of another version or with a clock that j
 as it can be read; what is lost is reported. The exit code is 1 if something was lost and 2 if
 nothing could be done; a fit by `polar` or `identify` counts as done if enough is left for it.
 
+This is layout 2 of the log (`ver_log` in its information messages). Logs of layout 1 are read, too:
+their columns that had other names (`afresh`, `imu_share`, `throttle_share`, `wind_belief_…`,
+`motion_turning_…`, `passage_…`) are found under those of today.
+
 The tests open every kind of log with pyulog and `mavlogdump.py`. PlotJuggler is a desktop program
 that no test can install; by hand its ULog reader (`ulog_parser.cpp` of April 2026, compiled by
 itself) was found to read the same rows and numbers as pyulog, and a log that is cut off up to the

@@ -44,6 +44,16 @@ _ALIKE: Final = 4  # so many messages in a row are no accident
 _SEARCHED: Final = 1_000_000  # bytes after damage
 _FORMAT: Final = 1  # the file format's newest version
 _CHANGE: Final = ("tick", "timestamp", "index", "value")  # of our topic `parameter`
+# How names of columns began in our layout 1, and how the same ones begin now.
+_LAYOUT_1: Final = (
+    ("afresh", "reset"),
+    ("imu_share", "imu_weight"),
+    ("throttle_share", "throttle_fraction"),
+    ("wind_belief_", "wind_posterior_"),
+    ("motion_turning_", "motion_attitude_track_"),
+    ("passage_glide_turning_", "launch_landing_glide_airspeed_error_"),
+    ("passage_", "launch_landing_"),
+)
 LEAP_S: Final = 60.0  # no row of any topic for so long: the clock leapt, or nothing was logged
 
 
@@ -138,8 +148,10 @@ def log_from(data: bytes, path: Path) -> FlightLog:
             key: column.astype(bool) if key in flags else column
             for key, column in dataset.data.items()
         }
-    _spread_slow(topics)
     info = dict(ulog.msg_info_dict)
+    if info.get("sys_name") == "tgl_soar" and info.get("ver_log") == "1":
+        topics = {name: _renamed(topic) for name, topic in topics.items()}
+    _spread_slow(topics)
     log = FlightLog(
         path=path,
         topics=topics,
@@ -161,6 +173,15 @@ def log_from(data: bytes, path: Path) -> FlightLog:
     ]
     losses += _gaps(log)
     return log
+
+
+def _renamed(topic: Topic) -> Topic:
+    """The columns of a topic of layout 1 by today's names."""
+    renamed = {}
+    for name, column in topic.items():
+        old, new = next((pair for pair in _LAYOUT_1 if name.startswith(pair[0])), ("", ""))
+        renamed[new + name.removeprefix(old)] = column
+    return renamed
 
 
 def _spread_slow(topics: dict[str, Topic]) -> None:

@@ -340,7 +340,7 @@ def _states(log: FlightLog, notes: list[str]) -> list[tuple[int, bool, Autopilot
     if not rows:
         return []
     states = _tuples(AutopilotState, [rows[leaf.name] for leaf in leaves_of(AutopilotState)])
-    return list(zip(rows["tick"].tolist(), rows["afresh"].tolist(), states, strict=True))
+    return list(zip(rows["tick"].tolist(), rows["reset"].tolist(), states, strict=True))
 
 
 def _configuration(

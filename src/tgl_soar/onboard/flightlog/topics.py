@@ -30,7 +30,7 @@ from typing import Any, Final, NamedTuple, get_args, get_origin, get_type_hints
 from tgl_soar.autopilot import AutopilotState, Output
 from tgl_soar.types import Inputs
 
-VERSION: Final = 1  # of this layout: a log says with which it was written
+VERSION: Final = 2  # of this layout: a log says with which it was written
 
 _CODES: Final = {
     "uint64_t": "Q",
@@ -117,24 +117,15 @@ _LEFT_OUT: Final = frozenset(
 _SLOW: Final = re.compile(
     r"air_\w+|sideways_\w+|\w+_feedforward|health_(rejected|gaps|heartbeat_age_s|attitude_age_s)"
     r"|health_\w+_(interval|jitter)_s|setpoints_(roll|heading)_rad|rudder_i|line_eta_rad"
-    r"|ground_range_\w+|quality_\w+|gains_\w+|forecast_\w+|passage_\w+|throttle_\w+|imu_share"
+    r"|ground_range_\w+|quality_\w+|gains_\w+|forecast_\w+|launch_landing_\w+|throttle_\w+|imu_weight"
     r"|(elevator|aileron|rudder)_output"
 )
 
-# Columns that keep their names of this layout, whatever the tuples they come from are called: a
-# field of these, or all that is in it (then "": the name begins with that of what is inside).
+# Columns that are not called by the tuples they come from: a field of these, or all that is in it
+# (then "": the name begins with that of what is inside).
 _NAMED: Final = {
     "AutopilotState.memory": "",
     "AutopilotState.loops": "",
-    "AutopilotState.launch_landing": "passage",
-    "Output.launch_landing": "passage",
-    "EstimatorMemory.imu_weight": "imu_share",
-    "Output.imu_weight": "imu_share",
-    "WindState.posterior": "wind_belief",
-    "MotionState.attitude_track": "motion_turning",
-    "ThrottleState.fraction": "throttle_share",
-    "ThrottleReport.fraction": "throttle_share",
-    "GlideState.airspeed_error": "passage_glide_turning",
     "LineTracking.e_rho_m": "e_rho_m",
     "LineTracking.e_rho_rate_mps": "e_rho_rate_mps",
 }
@@ -404,7 +395,7 @@ def _topics() -> Iterator[Topic]:
         number=number,
         fields=(
             *_HEAD,
-            Field("afresh", "bool", meaning="the module was reset to this state"),
+            Field("reset", "bool", meaning="the module was reset to this state"),
             *(_field(leaf, exact=True) for leaf in leaves),
         ),
         meaning="The memory that the tick left to the next; a replay can begin at any of these"
@@ -506,7 +497,7 @@ def packer(name: str) -> Callable[..., None]:
     """A function that puts a record of a topic into a buffer.
 
     `(buffer, offset, timestamp, tick, *rest)`, where `rest` is `(inputs, output)` for "tick",
-    `(tuple,)` for a stream, `(output,)` for "slow", `(afresh, state)` for "state", and the
+    `(tuple,)` for a stream, `(output,)` for "slow", `(reset, state)` for "state", and the
     numbers for the others.
     """
     from struct import Struct
@@ -519,7 +510,7 @@ def packer(name: str) -> Callable[..., None]:
     elif name == "slow":
         given, numbers = "o", expression(_SLOW_OUTPUTS, "o")
     elif name == "state":
-        given, numbers = "afresh, t", f"afresh, {expression(topic.leaves, 't')}"
+        given, numbers = "reset, t", f"reset, {expression(topic.leaves, 't')}"
     elif topic.source is not None:
         given, numbers = "t", expression(topic.leaves, "t")
     else:
