@@ -273,7 +273,7 @@ def test_columns_of_the_first_layout_are_found_by_the_names_of_today(old: str, n
     found = written("tgl_soar", 1)
     assert found.topics["state"][new].tolist() == [2.5]
     assert set(found.topics["state"]) == {"timestamp", new}
-    assert f"written with layout 1, read with {VERSION}: fields may differ" in found.losses
+    assert not any("layout" in loss for loss in found.losses)  # all of it has a name of today
     for other in (written("tgl_soar", 2), written("somebody", 1)):
         assert set(other.topics["state"]) == {"timestamp", old}
 

@@ -54,6 +54,7 @@ _LAYOUT_1: Final = (
     ("passage_glide_turning_", "launch_landing_glide_airspeed_error_"),
     ("passage_", "launch_landing_"),
 )
+_LAYOUTS: Final = ("1", str(VERSION))  # that are read without a loss
 LEAP_S: Final = 60.0  # no row of any topic for so long: the clock leapt, or nothing was logged
 
 
@@ -301,7 +302,7 @@ def _gaps(log: FlightLog) -> list[str]:
     losses = []
     ticks = log.topics.get("tick", {})
     if log.is_ours:
-        if (version := log.info.get("ver_log")) != str(VERSION):
+        if (version := log.info.get("ver_log")) not in _LAYOUTS:
             losses.append(f"written with layout {version}, read with {VERSION}: fields may differ")
         if not len(ticks.get("tick", ())):
             losses.append("no tick was logged")
