@@ -98,9 +98,9 @@ def kept(state: SearchState) -> Keep:
 
     A line settles the aircraft wherever it has a crossing, and every move costs height and begins
     with little known: a line that will as likely as not do is given the time to show it.  After
-    that it has to be one that can be claimed, in a weaker wind as well: who hovers where a wind a
-    tenth weaker leaves him, with a better line beside him, waits for ever.  What is claimed already
-    is not left for that: it is withdrawn first.
+    that it has to be one that can be claimed, in a weaker wind as well: else the aircraft hovers
+    for ever on a line that never will be, beside a better one.  A line that is claimed is not left
+    for that: the claim is withdrawn first.
     """
     tried = state.still_s >= CLAIM_S
     chance = CLAIM_CHANCE if tried else KEEP_CHANCE
