@@ -135,7 +135,8 @@ def test_a_ticks_numbers_are_shown_after_its_words_and_shed_with_the_load() -> N
     scene.shedding.no_telemetry = True
     output, counters = tick(point={"standing": HOLDS}), object()
     given: Any = counters
-    scene.reports.show(output, T_S, given)
+    values: Any = {"VEER_MAX": 0.0}
+    scene.reports.show(output, T_S, given, values)
     assert scene.texts == [(SEVERITY_INFO, "point: held")]
     assert scene.done == [
         ("measured", T_S, scene.ticks, counters),

@@ -15,6 +15,7 @@ The module
   line_moves           a line that the module moves itself
   firmware_landing     the firmware's own landing, asked for
   gnss_watch           whether the receiver is accurate enough to engage with
+  heading_watch        whether the nose points where the aircraft goes through the air
   station_watch        what the silence of every ground station means
   telemetry_values     the numbers of the telemetry;  reports: what is sent unasked
   counters             what the module counts of its own work

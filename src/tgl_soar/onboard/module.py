@@ -377,7 +377,7 @@ class Onboard:
         self.positions.ask(now_s)
         outbox.tell_all(session.notices)
         if self.output is not None:
-            self._reports.show(self.output, now_s, self.counters)
+            self._reports.show(self.output, now_s, self.counters, self.settings.values)
 
     def _entry_lacks(self) -> int:
         """What engaging lacks now, as bits: the supervisor's conditions, and `HELD_BACK`."""

@@ -165,6 +165,7 @@ MODULES: Final = (
     "tgl_soar.onboard.operators",
     "tgl_soar.onboard.outbox",
     "tgl_soar.onboard.external_positions",
+    "tgl_soar.onboard.heading_watch",
     "tgl_soar.onboard.reports",
     "tgl_soar.onboard.settings",
     "tgl_soar.onboard.surface_control",

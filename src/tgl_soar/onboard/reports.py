@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import radians
 from typing import Final
 
 from tgl_soar import autopilot
@@ -18,6 +19,7 @@ from tgl_soar.link.signing import Signing
 from tgl_soar.onboard.clocking import Clocking
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.flightlog.recorder import Recorder
+from tgl_soar.onboard.heading_watch import HeadingWords
 from tgl_soar.onboard.links import ModuleLinks
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.settings import FlightSettings
@@ -54,6 +56,7 @@ class Reports:
         self._busy_s = self._slow_line_s = float("-inf")  # when reported last
         self._late = self._left_out = 0  # up to then
         self._words = (ForecastWords(), FrameWords(), ReckoningWords(), PointWords(), PowerWords())
+        self._heading = HeadingWords()
         for _, text in self._first_words:
             outbox.console(text)
 
@@ -69,10 +72,13 @@ class Reports:
                 self._outbox.say_words(severity, text)
             self._first_words.clear()
 
-    def show(self, output: autopilot.Output, now_s: float, counters: Counters) -> None:
+    def show(
+        self, output: autopilot.Output, now_s: float, counters: Counters, values: ParameterSet
+    ) -> None:
         """The numbers of a tick, as telemetry, and what has changed with it, in words."""
         for words in self._words:
             self._outbox.tell_all(words.look(output))
+        self._outbox.tell_all(self._heading.look(output, radians(values["VEER_MAX"])))
         session, sheds = self._session, self._clocking.load_shedding.no_telemetry
         self._links.measure_loss(now_s, self._clocking.pacer.counters, counters)
         loss, round_trip_s = self._links.loss, session.round_trip_s
