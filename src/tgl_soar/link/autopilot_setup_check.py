@@ -64,7 +64,8 @@ class ParameterReading:
         if message.param_id not in self._names:
             return False
         self._waiting.pop(message.param_id, None)
-        self.answers[message.param_id] = self._flavour.value_of(message)
+        number = self._flavour.codec.number
+        self.answers[message.param_id] = number(message.param_value, message.param_type)
         return True
 
     def done(self, now_s: float, names: Iterable[str] = ()) -> bool:

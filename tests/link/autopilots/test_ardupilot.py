@@ -18,7 +18,7 @@ from tgl_soar.link.autopilots.base import (
 )
 from tgl_soar.link.autopilots.bridge import BridgeAutopilot
 from tgl_soar.link.autopilots.requirements import Needs
-from tgl_soar.link.messages import Heartbeat, ParamValue, RcChannelsOverride, SetAttitudeTarget
+from tgl_soar.link.messages import Heartbeat, RcChannelsOverride, SetAttitudeTarget
 from tgl_soar.types import NO_SETPOINTS, SurfaceCommand
 
 PLAIN = SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900)
@@ -276,8 +276,7 @@ def test_its_loop_must_bear_our_rate_and_never_be_slow(loop_hz: float, wanted: f
 
 
 def test_its_values_are_floats_whatever_their_type() -> None:
-    value = ParamValue(param_id="X", param_value=3.0, param_type=4, param_count=1, param_index=0)
-    assert ArduPilot(on(2, 1, 4), SYSTEM).value_of(value) == 3.0
+    assert ArduPilot.codec.number(3.0, 4) == 3.0
 
 
 def functions(channels: SurfaceChannels) -> dict[str, float]:

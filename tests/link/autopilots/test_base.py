@@ -10,6 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.link.autopilots.base import (
+    BYTEWISE,
     CAST,
     OVERRIDE_CHANNELS,
     BrakeChannel,
@@ -24,11 +25,8 @@ from tgl_soar.link.autopilots.base import (
     pulse_width,
     set_mode,
     throttle_pulse,
-    value_bytewise,
-    value_cast,
-    wire_bytewise,
 )
-from tgl_soar.link.messages import Heartbeat, ParamValue
+from tgl_soar.link.messages import Heartbeat
 from tgl_soar.types import SurfaceCommand
 
 # Each with ends and trim of its own, so that no number can stand for another.
@@ -197,18 +195,12 @@ BYTES = {
 }
 
 
-def value(number: float, kind: int) -> ParamValue:
-    return ParamValue(
-        param_id="X", param_value=number, param_type=kind, param_count=1, param_index=0
-    )
-
-
 @pytest.mark.parametrize("kind", BYTES)
 def test_px4_sends_whole_numbers_as_their_four_bytes(kind: int) -> None:
     layout, number = BYTES[kind]
     (as_float,) = struct.unpack("<f", struct.pack(layout, number))
-    assert value_bytewise(value(as_float, kind)) == number
-    assert struct.pack("<f", wire_bytewise(number, kind)) == struct.pack("<f", as_float)
+    assert BYTEWISE.number(as_float, kind) == number
+    assert struct.pack("<f", BYTEWISE.wire(number, kind)) == struct.pack("<f", as_float)
 
 
 @pytest.mark.parametrize(
@@ -222,19 +214,18 @@ def test_px4_sends_whole_numbers_as_their_four_bytes(kind: int) -> None:
     ],
 )
 def test_what_is_no_whole_number_of_four_bytes_is_the_float_that_it_is(kind: int) -> None:
-    assert value_bytewise(value(2.5, kind)) == 2.5
-    assert wire_bytewise(2.5, kind) == 2.5
+    assert BYTEWISE.number(2.5, kind) == 2.5
+    assert BYTEWISE.wire(2.5, kind) == 2.5
 
 
 @pytest.mark.parametrize(("number", "kind"), [(2.5, 6), (2.0**31, 6), (-1.0, 5), (inf, 6)])
 def test_what_four_bytes_cannot_hold_is_refused(number: float, kind: int) -> None:
     with pytest.raises(ValueError, match="whole number"):
-        wire_bytewise(number, kind)
+        BYTEWISE.wire(number, kind)
 
 
 @pytest.mark.parametrize("kind", range(11))
 def test_ardupilot_sends_whole_numbers_as_floats(kind: int) -> None:
-    assert value_cast(value(255.0, kind)) == 255.0
     assert (CAST.number(255.0, kind), CAST.wire(255.0, kind)) == (255.0, 255.0)
 
 

@@ -21,7 +21,6 @@ from tgl_soar.link.autopilots.requirements import Needs
 from tgl_soar.link.messages import (
     Heartbeat,
     ManualControl,
-    ParamValue,
     SetActuatorControlTarget,
     SetAttitudeTarget,
 )
@@ -200,10 +199,7 @@ def test_another_firmware_or_vehicle_is_named() -> None:
 
 def test_its_whole_numbers_come_as_their_bytes() -> None:
     (as_float,) = struct.unpack("<f", struct.pack("<i", 4))
-    message = ParamValue(
-        param_id="COM_RC_IN_MODE", param_value=as_float, param_type=6, param_count=1, param_index=0
-    )
-    assert Px4(CHANNELS, SYSTEM).value_of(message) == 4.0
+    assert Px4.codec.number(as_float, 6) == 4.0
 
 
 def test_the_way_to_a_faster_stream_is_the_link_s_rate() -> None:

@@ -7,12 +7,11 @@ import pytest
 
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.link.autopilots import FIRMWARES, flavour, routes
-from tgl_soar.link.autopilots.base import Flavour, SurfaceChannel, SurfaceChannels, value_bytewise
+from tgl_soar.link.autopilots.base import BYTEWISE, Flavour, SurfaceChannel, SurfaceChannels
 from tgl_soar.link.encoder import Encoder
 from tgl_soar.link.messages import (
     Heartbeat,
     ManualControl,
-    ParamValue,
     RcChannelsOverride,
     SetActuatorControlTarget,
     SetAttitudeTarget,
@@ -159,18 +158,8 @@ def test_paparazzi_obeys_with_manual_input_and_no_stabilisation() -> None:
 @pytest.mark.parametrize(("value", "kind"), [(1, 6), (-7, 6), (255, 1), (2**31, 5), (-5, 2)])
 def test_whole_numbers_sent_as_their_bytes(value: int, kind: int) -> None:
     raw = struct.unpack("<f", struct.pack("<i" if value < 0 else "<I", value))[0]
-    assert (
-        value_bytewise(
-            ParamValue(param_id="X", param_value=raw, param_type=kind, param_count=1, param_index=0)
-        )
-        == value
-    )
-    assert (
-        value_bytewise(
-            ParamValue(param_id="X", param_value=2.5, param_type=9, param_count=1, param_index=0)
-        )
-        == 2.5
-    )
+    assert BYTEWISE.number(raw, kind) == value
+    assert BYTEWISE.number(2.5, 9) == 2.5
 
 
 def test_every_route_says_all_that_people_must_know() -> None:

@@ -63,7 +63,7 @@ class Physics:
     first_item = 0
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
-    parameters = CAST
+    codec = CAST
     reads_ours = True
 
     def __init__(self, first_item: int = 0) -> None:

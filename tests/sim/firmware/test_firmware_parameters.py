@@ -96,8 +96,8 @@ def flown(firmware: Px4, *settings: TimedSetting, seconds: float = 12.0) -> list
 
 
 def test_each_firmware_has_its_own_encoding() -> None:
-    assert Px4Physics.parameters == BYTEWISE
-    assert ArduPlanePhysics.parameters == CAST
+    assert Px4Physics.codec == BYTEWISE
+    assert ArduPlanePhysics.codec == CAST
 
 
 @pytest.mark.parametrize("number", [0.0, 1.0, -1.0, 7.0, 86400.0, 5_000_001.0, -(2.0**31)])

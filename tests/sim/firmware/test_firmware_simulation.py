@@ -40,7 +40,7 @@ class FakePhysics:
     first_item = 0
     manual_mode = MANUAL
     obeys: Mapping[str, int] = {"SET_ATTITUDE_TARGET": OBEYS}
-    parameters = BYTEWISE
+    codec = BYTEWISE
     reads_ours = True
 
     def __init__(self) -> None:

@@ -48,9 +48,9 @@ from tgl_soar.analysis.logs.named_values import (
 )
 from tgl_soar.analysis.logs.pitot import true_airspeeds
 from tgl_soar.analysis.logs.ulog_reader import LEAP_S, LogError
-from tgl_soar.link.autopilots.base import value_bytewise
+from tgl_soar.link.autopilots.px4 import Px4
 from tgl_soar.link.frames import MARKER_V1, MARKER_V2, SIGNED
-from tgl_soar.link.messages import AUTOPILOT_PX4, SENSOR_DIFFERENTIAL_PRESSURE, ParamValue
+from tgl_soar.link.messages import AUTOPILOT_PX4, SENSOR_DIFFERENTIAL_PRESSURE
 
 Floats = NDArray[np.float64]
 
@@ -524,15 +524,7 @@ def _parameters(log: Tlog, system: int) -> tuple[dict[str, float], list[tuple[fl
     for t, name, sent, param_type, sender in rows:
         value = sent
         if bytewise and sender == AUTOPILOT:
-            value = value_bytewise(
-                ParamValue(
-                    param_id=name,
-                    param_value=sent,
-                    param_type=param_type,
-                    param_count=0,
-                    param_index=0,
-                )
-            )
+            value = Px4.codec.number(sent, param_type)
         if isnan(value):
             continue
         if name in first:

@@ -19,8 +19,10 @@ from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.autopilots.base import (
+    CAST,
     OVERRIDE_CHANNELS,
     CommandRoute,
+    ParameterCodec,
     SensorMessages,
     SurfaceChannel,
     SurfaceChannels,
@@ -31,7 +33,6 @@ from tgl_soar.link.autopilots.base import (
     pulse_width,
     set_mode,
     throttle_pulse,
-    value_cast,
 )
 from tgl_soar.link.autopilots.requirements import SHOULD, Answers, Needs, Requirement, need
 from tgl_soar.link.messages import (
@@ -50,7 +51,6 @@ from tgl_soar.link.messages import (
     CommandLong,
     Heartbeat,
     Outbound,
-    ParamValue,
     RcChannelsOverride,
     SetAttitudeTarget,
 )
@@ -166,6 +166,7 @@ class ArduPilot:
     }
     # SYSID_MYGCS up to 4.6; then a range, of which the upper end 0 stands for the lower.
     asked: ClassVar[tuple[str, ...]] = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
+    codec: ClassVar[ParameterCodec] = CAST
     # RAW_IMU is stamped in microseconds, SCALED_IMU of the same numbers in milliseconds.  The
     # differential pressure of its HIGHRES_IMU is the barometer's, less that at the ground.
     # The airspeed is read ten times a second; twice as often, so that it is not old as well.
@@ -257,10 +258,6 @@ class ArduPilot:
     def way_to_rate(self, rate_hz: float) -> str:
         """The firmware refuses more than 0.8 of its main loop's rate."""
         return f"set SCHED_LOOP_RATE to {rate_hz / 0.8:.0f} or more"
-
-    def value_of(self, message: ParamValue) -> float:
-        """It sends every value as a float."""
-        return value_cast(message)
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """Those of the route, of streams and surfaces, of a hovering aircraft, of the poses."""

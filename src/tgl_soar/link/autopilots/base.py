@@ -23,7 +23,6 @@ from tgl_soar.link.messages import (
     CommandLong,
     Heartbeat,
     Outbound,
-    ParamValue,
 )
 from tgl_soar.types import NAN, Setpoints, SurfaceCommand, isfinite
 
@@ -111,6 +110,51 @@ class CommandRoute(NamedTuple):
     releases: bool  # there is a message that hands the surfaces over
 
 
+class ParameterCodec(NamedTuple):
+    """How a firmware has a number in PARAM_VALUE and PARAM_SET, by its MAV_PARAM_TYPE."""
+
+    number: Callable[[float, int], float]  # of what is sent
+    wire: Callable[[float, int], float]  # what is sent of a number; ValueError: it cannot be
+
+
+def number_bytewise(sent: float, param_type: int) -> float:
+    """The number whose four bytes stand in the place of a float, if the type is of whole ones."""
+    kind = _whole(param_type)
+    return float(struct.unpack(kind, struct.pack("<f", sent))[0]) if kind else sent
+
+
+def wire_bytewise(value: float, param_type: int) -> float:
+    """The inverse of `number_bytewise`.
+
+    Errors: ValueError for what is no whole number where the type has no others, or too large.
+    """
+    kind = _whole(param_type)
+    if not kind:
+        return value
+    if value % 1.0 != 0.0:  # or no number
+        raise ValueError("it is a whole number")
+    try:
+        return float(struct.unpack("<f", struct.pack(kind, int(value)))[0])
+    except struct.error:
+        raise ValueError("no whole number of 32 bits") from None
+
+
+def number_cast(sent: float, _param_type: int) -> float:
+    """Whole numbers as floats, either way."""
+    return sent
+
+
+def _whole(param_type: int) -> str:
+    """How `struct` calls the whole numbers of a MAV_PARAM_TYPE; "": it has others, too."""
+    if not PARAM_TYPE_UINT8 <= param_type <= PARAM_TYPE_INT32:
+        return ""
+    return "<i" if param_type % 2 == 0 else "<I"  # signed ones have even numbers
+
+
+BYTEWISE: Final = ParameterCodec(number_bytewise, wire_bytewise)
+CAST: Final = ParameterCodec(number_cast, number_cast)
+
+
 class Flavour(Protocol):
     """One firmware, commanded by one route."""
 
@@ -118,6 +162,7 @@ class Flavour(Protocol):
     route: CommandRoute
     sensors: ClassVar[SensorMessages]
     asked: ClassVar[tuple[str, ...]]  # parameters that `refusal` looks at
+    codec: ClassVar[ParameterCodec]
 
     def refusal(self, parameters: Answers, system: int) -> str:
         """Why commands of this system will be ignored, and the way out; "" if they will not."""
@@ -158,10 +203,6 @@ class Flavour(Protocol):
         """What to do when a stream of this rate is refused."""
         ...
 
-    def value_of(self, message: ParamValue) -> float:
-        """A parameter's value as a number; firmwares differ in how they send whole numbers."""
-        ...
-
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """What its parameters must be for this route."""
         ...
@@ -191,61 +232,6 @@ def set_mode(system: int, mode: float, sub_mode: float = 0.0) -> CommandLong:
         confirmation=0,
         params=params,
     )
-
-
-def value_bytewise(message: ParamValue) -> float:
-    """Of a PARAM_VALUE whose four bytes are the whole number itself, not its value as a float."""
-    return number_bytewise(message.param_value, message.param_type)
-
-
-def number_bytewise(sent: float, param_type: int) -> float:
-    """Likewise, of what is sent in the place of the value."""
-    kind = _whole(param_type)
-    return float(struct.unpack(kind, struct.pack("<f", sent))[0]) if kind else sent
-
-
-def wire_bytewise(value: float, param_type: int) -> float:
-    """The inverse of `number_bytewise`: what stands in a PARAM_SET of this MAV_PARAM_TYPE.
-
-    Errors: ValueError for what is no whole number where the type has no others, or too large.
-    """
-    kind = _whole(param_type)
-    if not kind:
-        return value
-    if value % 1.0 != 0.0:  # or no number
-        raise ValueError("it is a whole number")
-    try:
-        return float(struct.unpack("<f", struct.pack(kind, int(value)))[0])
-    except struct.error:
-        raise ValueError("no whole number of 32 bits") from None
-
-
-def _whole(param_type: int) -> str:
-    """How `struct` calls the whole numbers of a MAV_PARAM_TYPE; "": it has others, too."""
-    if not PARAM_TYPE_UINT8 <= param_type <= PARAM_TYPE_INT32:
-        return ""
-    return "<i" if param_type % 2 == 0 else "<I"  # signed ones have even numbers
-
-
-def value_cast(message: ParamValue) -> float:
-    """Of a PARAM_VALUE that holds whole numbers as floats."""
-    return number_cast(message.param_value, message.param_type)
-
-
-def number_cast(sent: float, _param_type: int) -> float:
-    """Likewise, of what is sent in the place of the value, and the other way round."""
-    return sent
-
-
-class ParameterCodec(NamedTuple):
-    """How a firmware has a number in PARAM_VALUE and PARAM_SET, by its MAV_PARAM_TYPE."""
-
-    number: Callable[[float, int], float]  # of what is sent
-    wire: Callable[[float, int], float]  # what is sent of a number; ValueError: it cannot be
-
-
-BYTEWISE: Final = ParameterCodec(number_bytewise, wire_bytewise)
-CAST: Final = ParameterCodec(number_cast, number_cast)
 
 
 def is_finite(surfaces: SurfaceCommand) -> bool:

@@ -18,15 +18,16 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
 from tgl_soar.link.autopilots.base import (
+    CAST,
     OVERRIDE_CHANNELS,
     CommandRoute,
+    ParameterCodec,
     SensorMessages,
     SurfaceChannels,
     Wanted,
     deflections,
     firmware_mismatch,
     set_mode,
-    value_cast,
 )
 from tgl_soar.link.autopilots.requirements import Answers, Needs, Requirement
 from tgl_soar.link.messages import (
@@ -40,7 +41,6 @@ from tgl_soar.link.messages import (
     CommandLong,
     Heartbeat,
     Outbound,
-    ParamValue,
     RcChannelsOverride,
 )
 from tgl_soar.types import OURS, Setpoints, SurfaceCommand, isfinite
@@ -71,6 +71,7 @@ class Paparazzi:
     name: ClassVar[str] = "paparazzi"
     routes: ClassVar[Mapping[str, CommandRoute]] = {OVERRIDE.name: OVERRIDE}
     asked: ClassVar[tuple[str, ...]] = ()
+    codec: ClassVar[ParameterCodec] = CAST
     sensors: ClassVar[SensorMessages] = SensorMessages(
         imu=(),
         airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
@@ -137,10 +138,6 @@ class Paparazzi:
             'raise it in the telemetry file: <process name="Mavlink" type="mavlink">, with a'
             f" period of {1.0 / rate_hz:g} s, and MAVLINK_PERIODIC_FREQUENCY"
         )
-
-    def value_of(self, message: ParamValue) -> float:
-        """Every setting is a float."""
-        return value_cast(message)
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """Its settings are the airframe's own; what matters is compiled in."""

@@ -17,14 +17,15 @@ from typing import ClassVar, Final
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.autopilots.base import (
+    BYTEWISE,
     CommandRoute,
+    ParameterCodec,
     SensorMessages,
     SurfaceChannels,
     Wanted,
     deflections,
     firmware_mismatch,
     set_mode,
-    value_bytewise,
 )
 from tgl_soar.link.autopilots.requirements import SHOULD, Answers, Needs, Requirement, need
 from tgl_soar.link.messages import (
@@ -43,7 +44,6 @@ from tgl_soar.link.messages import (
     Heartbeat,
     ManualControl,
     Outbound,
-    ParamValue,
     SetActuatorControlTarget,
     SetAttitudeTarget,
 )
@@ -201,6 +201,7 @@ class Px4:
         route.name: route for route in (ATTITUDE, MANUAL_CONTROL, ACTUATORS)
     }
     asked: ClassVar[tuple[str, ...]] = ()
+    codec: ClassVar[ParameterCodec] = BYTEWISE
     sensors: ClassVar[SensorMessages] = SensorMessages(
         imu=(ID_HIGHRES_IMU,),
         airspeed=Wanted(ID_VFR_HUD, "VFR_HUD", 20.0),
@@ -284,10 +285,6 @@ class Px4:
     def way_to_rate(self, rate_hz: float) -> str:
         """The rate of a stream is limited by that of its link."""
         return "raise MAV_x_RATE of this link, and its baud rate"
-
-    def value_of(self, message: ParamValue) -> float:
-        """Whole numbers are sent as their four bytes."""
-        return value_bytewise(message)
 
     def requirements(self, needs: Needs) -> tuple[Requirement, ...]:
         """Those of the route, of what becomes of a hovering aircraft, and of the poses."""

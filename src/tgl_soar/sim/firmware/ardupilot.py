@@ -35,8 +35,8 @@ from tgl_soar.link.autopilots.ardupilot import (
     MODE_MANUAL,
     RCIN,
     THROTTLE,
+    ArduPilot,
 )
-from tgl_soar.link.autopilots.base import CAST
 from tgl_soar.sim.channels import (
     NEUTRAL,
     command_of,
@@ -82,7 +82,7 @@ class ArduPlanePhysics:
         "RC_CHANNELS_OVERRIDE": MODE_MANUAL,
         "SET_ATTITUDE_TARGET": MODE_GUIDED,
     }
-    parameters = CAST
+    codec = ArduPilot.codec
     reads_ours = False
 
     def __init__(

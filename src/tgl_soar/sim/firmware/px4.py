@@ -27,8 +27,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.site import Site
-from tgl_soar.link.autopilots.base import BYTEWISE
-from tgl_soar.link.autopilots.px4 import MODE_MANUAL, MODE_OFFBOARD
+from tgl_soar.link.autopilots.px4 import MODE_MANUAL, MODE_OFFBOARD, Px4
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.firmware import FirmwareError, program
 from tgl_soar.sim.firmware.relay import FirmwareLink, Relay
@@ -68,7 +67,7 @@ class Px4Physics:
         "SET_ACTUATOR_CONTROL_TARGET": MODE_OFFBOARD,
         "MANUAL_CONTROL": MODE_MANUAL,
     }
-    parameters = BYTEWISE
+    codec = Px4.codec
     reads_ours = True
 
     def __init__(self, surfaces: Surfaces, port: int) -> None:

@@ -59,7 +59,7 @@ class Physics(Protocol):
     first_item: int  # of a mission file: 0: home is an item of it
     manual_mode: int  # custom_mode in which sticks move the surfaces, and it is armed
     obeys: Mapping[str, int]  # command message of a companion: custom_mode that obeys it
-    parameters: ParameterCodec  # how it has numbers in messages
+    codec: ParameterCodec
     reads_ours: bool  # all sensors; False: its simulator makes its own of the truth
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
@@ -119,7 +119,7 @@ class FirmwareSimulation(SteppedWorld):
             )
         self._pilot_takes = False
         self._signal = RECEIVED
-        self._changes = ParameterChanges(options.later, physics.parameters, self._system)
+        self._changes = ParameterChanges(options.later, physics.codec, self._system)
         relay.parameters = self._changes
         self._surfaces = NEUTRAL
         self._ask_every = round(ASK_S * physics.step_hz)
