@@ -32,6 +32,7 @@ from .lengths import be_quick
 from .page import Group, replace_missed, replace_table, write_json
 from .processes import by_the_source
 from .result import NO_AIM, Result
+from .shown import shown
 
 # Title, and the modules whose BENCHMARKS belong to it.
 GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -121,10 +122,10 @@ def _show(groups: list[Group]) -> None:
             style = "" if result.is_met else "bold"
             table.add_row(
                 result.what,
-                f"{result.value:.3g} {result.unit}",
-                f"{result.reference:.3g} {result.unit}: {result.reference_what}",
-                f"{result.ratio:.3g}",
-                "" if result.aim == NO_AIM else f"{result.aim:.3g}",
+                f"{shown(result.value)} {result.unit}",
+                f"{shown(result.reference)} {result.unit}: {result.reference_what}",
+                shown(result.ratio),
+                "" if result.aim == NO_AIM else shown(result.aim),
                 style=style,
             )
     Console().print(table)

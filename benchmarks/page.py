@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 from tgl_soar.analysis.experiments.staleness import probe, sealed
 
 from .result import NO_AIM, Result
+from .shown import number, shown
 
 BEGIN: Final = "<!-- results: made by `make bench`, do not edit -->"
 END: Final = "<!-- end of results -->"
@@ -123,10 +124,10 @@ def markdown(groups: Sequence[Group]) -> str:
             "|---|---:|---:|---|---:|---|",
         ]
         for r in group.results:
-            aim = "" if r.aim == NO_AIM else f"≤ {r.aim:.3g}{'' if r.is_met else MISSED}"
+            aim = "" if r.aim == NO_AIM else f"≤ {shown(r.aim)}{'' if r.is_met else MISSED}"
             lines.append(
-                f"| {r.what} | {r.value:.3g} {r.unit} | {r.reference:.3g} {r.unit}"
-                f" | {r.reference_what} | {r.ratio:.3g} | {aim} |"
+                f"| {r.what} | {shown(r.value)} {r.unit} | {shown(r.reference)} {r.unit}"
+                f" | {r.reference_what} | {shown(r.ratio)} | {aim} |"
             )
     return "\n".join(lines)
 
@@ -145,7 +146,7 @@ class _Aim(NamedTuple):
     @property
     def times_over(self) -> float:
         """The ratio, as a multiple of the largest that is wanted."""
-        return float(self.ratio) / float(self.aim.removeprefix("≤ "))
+        return number(self.ratio) / number(self.aim.removeprefix("≤ "))
 
 
 def _aims(page: str) -> list[_Aim]:

@@ -23,6 +23,7 @@ from benchmarks.page import (
     missed,
 )
 from benchmarks.result import Result
+from benchmarks.shown import number, shown
 
 import tgl_soar
 
@@ -43,7 +44,7 @@ class Row(NamedTuple):
         """Whether a missed aim says so, and a met one does not."""
         if not self.aim:
             return True
-        aim = float(self.aim.removeprefix("≤ ").removesuffix(MISSED))
+        aim = number(self.aim.removeprefix("≤ ").removesuffix(MISSED))
         # Three digits are printed of either: what lies within a digit may be on either side.
         if abs(self.ratio - aim) <= 0.005 * aim:
             return True
@@ -53,7 +54,7 @@ class Row(NamedTuple):
 def rows_of(text: str) -> list[Row]:
     rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
     return [
-        Row(cells[0].removeprefix("| "), float(cells[4]), cells[5].removesuffix("|").strip())
+        Row(cells[0].removeprefix("| "), number(cells[4]), cells[5].removesuffix("|").strip())
         for cells in rows
         if len(cells) == 6 and cells[1] != "measured"
     ]
@@ -170,7 +171,7 @@ def test_prose_has_the_figures_of_the_tables(
     prose = " ".join((text.partition(BEGIN)[0] + text.partition(END)[2]).split())
     rows = [line.strip("| ").split(" | ") for line in results.splitlines()]
     ((value, beside, ratio),) = {
-        (row[1].split()[0], row[2].split()[0], float(row[4].strip(" |")))
+        (row[1].split()[0], row[2].split()[0], number(row[4].strip(" |")))
         for row in rows
         if (row[0], row[3:4]) == (what, [beside_what])
     }
@@ -240,3 +241,26 @@ def test_what_counts_most_is_reported_whether_missed_or_met() -> None:
         f"| {what} | 30 µs | 1.5 × {beside} | ≤ 1.3{MISSED} |",
         f"| {HEADLINES[1][0]} | 20 µs | 1 × {beside} | ≤ 1.3 |",
     ]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1089.6, "1,090"),
+        (19_600.0, "19,600"),
+        (999.9, "1,000"),
+        (999.4, "999"),
+        (0.003764, "0.00376"),
+        (1.0, "1"),
+        (20.0, "20"),
+        (-1234.0, "-1,230"),
+    ],
+)
+def test_a_figure_has_three_digits_and_no_exponent(value: float, text: str) -> None:
+    assert shown(value) == text
+    assert number(text) == pytest.approx(value, rel=5e-3)
+
+
+def test_no_table_has_an_exponent() -> None:
+    for page in ("README.md", "docs/performance.md"):
+        assert not re.search(r"\d[eE]\+?\d", (ROOT / page).read_text(encoding="utf-8")), page

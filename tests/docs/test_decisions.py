@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from benchmarks.shown import number
 
 from tgl_soar.config.parameters import INDEX
 
@@ -87,6 +88,4 @@ def test_a_figure_that_a_decision_quotes_is_that_of_its_row(
     )
     quoted = re.search(words, text)
     assert quoted
-    assert float(quoted[1].replace(",", "")) == pytest.approx(
-        float(cells[column].split()[0]), rel=0.25
-    )
+    assert number(quoted[1]) == pytest.approx(number(cells[column].split()[0]), rel=0.25)
