@@ -1,5 +1,5 @@
 """Baselines of the search and the oracle by their rules: each limit from both sides, each step
-reckoned by hand, and what the oracle is told of the true air."""
+computed by hand, and what the oracle is given of the true air."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ GUARDS = Guards(
 )
 
 
-def seen(
+def sighting(
     climb_mps: float = 0.0,
     *,
     time_s: float = 0.0,
@@ -76,7 +76,7 @@ def seen(
 
 def looked(baseline: Baseline, count: int, climb_mps: float = 0.0, **of: Any) -> Any:
     for _ in range(count):
-        request = baseline.look(seen(climb_mps, **of))
+        request = baseline.look(sighting(climb_mps, **of))
     return request
 
 
@@ -84,27 +84,27 @@ def looked(baseline: Baseline, count: int, climb_mps: float = 0.0, **of: Any) ->
 
 
 def test_a_baseline_begins_with_the_line_that_is_flown() -> None:
-    line = StartLine(seen())
+    line = StartLine(sighting())
     assert line.begin == line.target == TargetLine(-4.0, 8.0, ETA)
-    request = line.look(seen(over_ground_m=7.5))
+    request = line.look(sighting(over_ground_m=7.5))
     assert request.target == TargetLine(-4.0, 8.0, ETA)
     assert (request.over_ground_m, request.soaring, request.given_up) == (7.5, False, "")
     assert np.isnan([request.place_x_m, request.place_z_m]).all()
-    assert not Baseline(seen()).soaring
+    assert not Baseline(sighting()).soaring
 
 
 def test_the_climb_is_averaged_over_a_quarter_of_a_rollouts_horizon() -> None:
-    line = StartLine(seen())
+    line = StartLine(sighting())
     looked(line, 25, 0.8)
     assert line.climb == pytest.approx(0.8 * (1.0 - (1.0 - DT_S / AVERAGED_S) ** 25))
     assert line.since == pytest.approx(5.0)
-    slow = StartLine(seen())
-    slow.look(seen(0.8)._replace(dt_s=9.0))  # longer than it is averaged over
+    slow = StartLine(sighting())
+    slow.look(sighting(0.8)._replace(dt_s=9.0))  # longer than it is averaged over
     assert slow.climb == 0.8
 
 
 def test_a_claim_is_made_after_six_seconds_of_rest() -> None:
-    line = StartLine(seen())
+    line = StartLine(sighting())
     assert not looked(line, 29).soaring
     assert line.still == pytest.approx(5.8)
     assert looked(line, 2).soaring
@@ -116,7 +116,7 @@ def test_a_claim_is_made_after_six_seconds_of_rest() -> None:
 def test_a_claim_is_made_by_who_climbs_or_sinks_less_than_5_cm_a_second(
     climb_mps: float, claims: bool
 ) -> None:
-    line = StartLine(seen())
+    line = StartLine(sighting())
     line.climb = climb_mps
     assert looked(line, 40, climb_mps).soaring is claims
 
@@ -127,28 +127,28 @@ def test_a_claim_is_made_by_who_climbs_or_sinks_less_than_5_cm_a_second(
 def test_a_claim_is_kept_by_who_climbs_or_sinks_less_than_12_cm_a_second(
     climb_mps: float, kept: bool
 ) -> None:
-    line = StartLine(seen())
+    line = StartLine(sighting())
     assert looked(line, 40).soaring
     line.climb = climb_mps
-    assert line.look(seen(climb_mps)).soaring is kept
+    assert line.look(sighting(climb_mps)).soaring is kept
 
 
-def test_a_line_that_slides_begins_its_rest_anew_and_withdraws_the_claim() -> None:
-    line = StartLine(seen())
+def test_a_line_that_slides_begins_its_rest_again_and_withdraws_the_claim() -> None:
+    line = StartLine(sighting())
     assert looked(line, 40).soaring
-    assert not line.look(seen(moving=True)).soaring
+    assert not line.look(sighting(moving=True)).soaring
     assert line.still == 0.0
     assert not looked(line, 29).soaring
     assert looked(line, 2).soaring
 
 
-def test_a_line_that_is_sent_elsewhere_begins_its_rest_anew() -> None:
+def test_a_line_that_is_sent_elsewhere_begins_its_rest_again() -> None:
     class Once(Baseline):
         def move(self, look: Sighting) -> None:
             if self.since > 7.9 and self.target == self.begin:
                 self.target = self.through(look, 0.5)
 
-    line = Once(seen())
+    line = Once(sighting())
     assert looked(line, 38).soaring
     request = looked(line, 2)
     assert request.target == TargetLine(-4.5, 10.0, ETA)  # through the aircraft, half a metre down
@@ -166,8 +166,8 @@ def test_a_line_that_is_sent_elsewhere_begins_its_rest_anew() -> None:
 def test_it_is_given_up_two_looks_before_the_height_for_landing(
     climb_mps: float, height_m: float, gives_up: bool
 ) -> None:
-    line = StartLine(seen())
-    request = line.look(seen(climb_mps, over_ground_m=height_m))
+    line = StartLine(sighting())
+    request = line.look(sighting(climb_mps, over_ground_m=height_m))
     assert request.given_up == (REASONS[2] if gives_up else "")
     assert request.target == line.begin
 
@@ -175,14 +175,14 @@ def test_it_is_given_up_two_looks_before_the_height_for_landing(
 def test_over_a_slope_the_clearance_along_its_normal_is_the_height_for_landing() -> None:
     guards = GUARDS._replace(ground=STEEP, clearance_m=1.2)  # 1.2 m times the root of two
     for height_m, gives_up in ((1.71, False), (1.68, True)):
-        request = StartLine(seen()).look(seen(over_ground_m=height_m, guards=guards))
+        request = StartLine(sighting()).look(sighting(over_ground_m=height_m, guards=guards))
         assert bool(request.given_up) is gives_up
 
 
 def test_who_has_claimed_gives_up_for_all_that() -> None:
-    line = StartLine(seen())
+    line = StartLine(sighting())
     assert looked(line, 40).soaring
-    low = line.look(seen(over_ground_m=1.0))
+    low = line.look(sighting(over_ground_m=1.0))
     assert low.given_up
     assert not low.soaring
 
@@ -195,8 +195,8 @@ PERIOD_S = 2.0 * pi / OMEGA
 
 
 def test_extremum_seeking_swings_the_line_by_three_hundredths_of_the_height() -> None:
-    seeking = ExtremumSeeking(seen())
-    found = np.array([seeking.look(seen(0.3)).target for _ in range(100)])
+    seeking = ExtremumSeeking(sighting())
+    found = np.array([seeking.look(sighting(0.3)).target for _ in range(100)])
     times = DT_S * np.arange(1, 101)
     assert found[:, 0] == pytest.approx(-4.0 + AMPLITUDE_M * np.sin(OMEGA * times))
     assert set(found[:, 1]) == {8.0}
@@ -205,9 +205,9 @@ def test_extremum_seeking_swings_the_line_by_three_hundredths_of_the_height() ->
 
 def test_extremum_seeking_takes_the_slope_from_what_it_meets_in_phase() -> None:
     """One step by hand: high-passed over two periods, averaged over one."""
-    seeking = ExtremumSeeking(seen())
+    seeking = ExtremumSeeking(sighting())
     energy = 0.02
-    seeking.look(seen(0.3, energy_mps=energy))
+    seeking.look(sighting(0.3, energy_mps=energy))
     left = energy * (1.0 - DT_S / (2.0 * PERIOD_S))
     phase = sin(OMEGA * DT_S)
     gradient = 2.0 * left * phase / AMPLITUDE_M * DT_S / PERIOD_S
@@ -217,7 +217,7 @@ def test_extremum_seeking_takes_the_slope_from_what_it_meets_in_phase() -> None:
     assert seeking.centre == pytest.approx(centre)
     assert seeking.target.x_m == pytest.approx(-4.0 + centre + AMPLITUDE_M * phase)
     # And one more, of nothing: both fade.
-    seeking.look(seen(0.3))
+    seeking.look(sighting(0.3))
     slow = (energy - left) * (1.0 - DT_S / (2.0 * PERIOD_S))
     product = -2.0 * slow * sin(2.0 * OMEGA * DT_S) / AMPLITUDE_M
     assert seeking.gradient == pytest.approx(gradient + (product - gradient) * DT_S / PERIOD_S)
@@ -225,7 +225,7 @@ def test_extremum_seeking_takes_the_slope_from_what_it_meets_in_phase() -> None:
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_extremum_seeking_moves_its_middle_at_half_the_lines_speed_at_most(side: float) -> None:
-    seeking = ExtremumSeeking(seen())
+    seeking = ExtremumSeeking(sighting())
     seeking.gradient = side * 1e3
     looked(seeking, 5, 0.3)
     assert seeking.centre == pytest.approx(side * 5 * 0.5 * 0.5 * DT_S)
@@ -234,7 +234,7 @@ def test_extremum_seeking_moves_its_middle_at_half_the_lines_speed_at_most(side:
 def test_extremum_seeking_rests_after_four_periods_of_which_two_were_calm() -> None:
     """It neither climbs nor sinks from the beginning: the fourth period's end is what it takes."""
     steps = int(4.0 * PERIOD_S / DT_S)
-    seeking = ExtremumSeeking(seen())
+    seeking = ExtremumSeeking(sighting())
     looked(seeking, steps)
     before = seeking.target
     looked(seeking, 1)
@@ -246,7 +246,7 @@ def test_extremum_seeking_rests_after_four_periods_of_which_two_were_calm() -> N
 
 def test_extremum_seeking_is_calm_from_its_first_look_on_and_not_before() -> None:
     """Two periods of calm, where four have gone by: 150.8 looks."""
-    seeking = ExtremumSeeking(seen())
+    seeking = ExtremumSeeking(sighting())
     seeking.time = 4.0 * PERIOD_S
     places = [looked(seeking, 1).target.x_m for _ in range(155)]
     assert len(set(places[:150])) == 150
@@ -254,7 +254,7 @@ def test_extremum_seeking_is_calm_from_its_first_look_on_and_not_before() -> Non
 
 
 def test_extremum_seeking_goes_on_where_it_was_calm_for_less_than_two_periods() -> None:
-    seeking = ExtremumSeeking(seen())
+    seeking = ExtremumSeeking(sighting())
     steps = int(2.0 * PERIOD_S / DT_S)
     looked(seeking, 2 * steps, 1.0)
     assert seeking.settled == 0.0
@@ -275,7 +275,7 @@ def test_extremum_seeking_goes_on_where_it_was_calm_for_less_than_two_periods() 
 
 
 class Drawn:
-    """A generator of a walk that gives what it is told to."""
+    """A generator of a walk that gives scripted values."""
 
     def __init__(self, chance: float = 1.0, eighths: int = 1, step_m: float = 0.5) -> None:
         self.chance, self.eighths, self.step_m = chance, eighths, step_m
@@ -294,7 +294,7 @@ class Drawn:
 
 
 def walking(kind: Any = "hill", **drawn: Any) -> tuple[Walk, Drawn]:
-    walk, rng = Walk(seen(), kind, 3), Drawn(**drawn)
+    walk, rng = Walk(sighting(), kind, 3), Drawn(**drawn)
     walk.rng = rng  # type: ignore[assignment]
     return walk, rng
 
@@ -317,7 +317,7 @@ def test_a_walks_cost_is_the_mean_of_how_fast_it_moves_both_ways() -> None:
     walk, _ = walking()
     for n in range(11):
         sign = 1.0 if n % 2 else -1.0
-        walk.look(seen(0.4 * sign, airspeed_mps=9.0 + 0.3 * sign))
+        walk.look(sighting(0.4 * sign, airspeed_mps=9.0 + 0.3 * sign))
     assert walk.cost == pytest.approx(0.7)
     assert (walk.sum, walk.count) == (0.0, 0)
 
@@ -373,7 +373,7 @@ def test_ten_stays_in_a_row_end_a_walk() -> None:
 
 def test_a_walk_is_drawn_by_its_seed() -> None:
     ways = [[looked(walk, 11, 0.5).target for _ in range(6)] for walk in (
-        Walk(seen(), "hill", 3), Walk(seen(), "hill", 3), Walk(seen(), "hill", 4)
+        Walk(sighting(), "hill", 3), Walk(sighting(), "hill", 3), Walk(sighting(), "hill", 4)
     )]  # fmt: skip
     assert ways[0] == ways[1] != ways[2]
 
@@ -382,13 +382,13 @@ def test_a_walk_is_drawn_by_its_seed() -> None:
 
 
 def test_saos_keeps_the_place_and_stands_the_line_upright() -> None:
-    assert e.Upright(seen()).target == TargetLine(-4.0, 8.0, eta_from_lean(0.0))
+    assert e.Upright(sighting()).target == TargetLine(-4.0, 8.0, eta_from_lean(0.0))
 
 
 def test_random_lines_are_drawn_through_the_height_of_the_aircraft() -> None:
     """After a sixth of the time, where it climbs or sinks."""
     there = place("hill", 3)
-    lines = e.RandomLines(seen(), there)
+    lines = e.RandomLines(sighting(), there)
     steps = int(there.duration_s / 6.0 / DT_S)
     assert steps == 75
     assert looked(lines, steps - 1, 0.5).target == lines.begin
@@ -407,14 +407,14 @@ def test_random_lines_are_drawn_through_the_height_of_the_aircraft() -> None:
 
 @pytest.mark.parametrize(("climb_mps", "moves"), [(0.052, True), (-0.052, True), (0.048, False)])
 def test_a_random_line_is_left_by_who_climbs_or_sinks_on_it(climb_mps: float, moves: bool) -> None:
-    lines = e.RandomLines(seen(), place("hill", 3))
+    lines = e.RandomLines(sighting(), place("hill", 3))
     lines.climb = climb_mps
     assert (looked(lines, 77, climb_mps).target != lines.begin) is moves
 
 
 def test_random_lines_are_drawn_by_the_seed_of_the_place() -> None:
     def first(seed: int) -> float:
-        lines = e.RandomLines(seen(), place("hill", 3)._replace(seed=seed))
+        lines = e.RandomLines(sighting(), place("hill", 3)._replace(seed=seed))
         return float(looked(lines, 77, 0.5).target.x_m)
 
     assert first(3) == first(3) != first(4)
@@ -427,20 +427,20 @@ NAMES = {
 }  # fmt: skip
 
 
-def test_each_name_is_somebody() -> None:
+def test_each_name_is_a_searcher() -> None:
     there = place("hill", 5)
     assert NAMES.keys() == set(e.SEARCHERS)
     assert len(e.SEARCHERS) == 7
     for name, kind in NAMES.items():
-        assert type(e.searcher(name, there, POLAR, seen())) is kind
-    walk = e.searcher("AOSoar's walk", there, POLAR, seen())
+        assert type(e.searcher(name, there, POLAR, sighting())) is kind
+    walk = e.searcher("AOSoar's walk", there, POLAR, sighting())
     assert isinstance(walk, Walk)
     assert walk.steps == (0.1, 1.0)
-    same = Walk(seen(), "hill", 5)
+    same = Walk(sighting(), "hill", 5)
     assert [looked(walk, 11, 0.5).target for _ in range(3)] == [
         looked(same, 11, 0.5).target for _ in range(3)
     ]
-    oracle = e.searcher("oracle", there, POLAR, seen())
+    oracle = e.searcher("oracle", there, POLAR, sighting())
     assert isinstance(oracle, e.Oracle)
     assert (oracle.place, oracle.polar) == (there, POLAR)
 
@@ -454,17 +454,17 @@ def here(there: SearchPlace, time_s: float, **of: Any) -> Sighting:
     guards = GUARDS._replace(box=box, ground=there.ground)
     x_m, z_m = 0.5 * (box.x_min_m + box.x_max_m), 0.5 * (box.z_min_m + box.z_max_m)
     line = LineState(x_m=x_m, z_m=z_m, eta_rad=ETA, speed_mps=0.0, moving=False)
-    look = seen(time_s=time_s, guards=guards, **of)
+    look = sighting(time_s=time_s, guards=guards, **of)
     return look._replace(moving=Moving(x_m, z_m, 0.0, line))
 
 
-def test_the_oracle_is_told_the_true_air_of_now_and_of_the_end(
+def test_the_oracle_is_given_the_true_air_of_now_and_of_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    told: list[tuple[Any, ...]] = []
+    arguments: list[tuple[Any, ...]] = []
 
     def plan_in(*given: Any, roll: Any) -> Any:
-        told.append(given)
+        arguments.append(given)
         assert roll is roll_out
         return None
 
@@ -475,7 +475,7 @@ def test_the_oracle_is_told_the_true_air_of_now_and_of_the_end(
     oracle.roll = roll_out
     assert oracle.state.target == TargetLine(look.moving.line.x_m, look.moving.line.z_m, ETA)
     oracle.look(look)
-    ((grid, fields, polar, guards, now, target, diffusion),) = told
+    ((grid, fields, polar, guards, now, target, diffusion),) = arguments
     assert (polar, guards, now) == (POLAR, look.guards, look.moving)
     assert target == TargetLine(look.moving.line.x_m, look.moving.line.z_m, ETA)
     assert fields.sink_scale.tolist() == [there.sink_factor] * 2
@@ -493,7 +493,7 @@ def test_the_oracle_is_told_the_true_air_of_now_and_of_the_end(
     oracle.state = oracle.state._replace(since_plan_s=0.0)
     oracle.look(here(there, 4.2))
     oracle.look(here(there, 4.4))
-    assert len(told) == 2
+    assert len(arguments) == 2
 
 
 def test_the_oracle_flies_where_the_true_air_carries_it() -> None:
@@ -527,7 +527,7 @@ def test_the_oracle_gives_up_at_the_fences_ceiling_too() -> None:
 def test_a_map_is_kept_at_the_times_that_are_asked_for() -> None:
     search = e.MapSearch(POLAR, (0.3, 0.9))
     for n in range(8):
-        search.watch(seen(time_s=DT_S * n))
+        search.watch(sighting(time_s=DT_S * n))
     assert [each.time_s for each in search.snapshots] == pytest.approx([0.4, 1.0])
     assert search.keep == []
     kept, grid = search.snapshots[-1], search.grid
@@ -535,26 +535,26 @@ def test_a_map_is_kept_at_the_times_that_are_asked_for() -> None:
     i, j = 3, grid.z_m.size - 2
     assert len(kept.weights) == search.map.basis.count
     for n in range(8, 12):  # the map goes on, what was kept does not
-        search.watch(seen(time_s=DT_S * n, energy_mps=0.4))
+        search.watch(sighting(time_s=DT_S * n, energy_mps=0.4))
     x, z = np.array([grid.x_m[i]]), np.array([grid.z_m[j]])
-    anew = e.MapSearch(POLAR, (1.0,))
+    again = e.MapSearch(POLAR, (1.0,))
     for n in range(6):
-        anew.watch(seen(time_s=DT_S * n))
-    there = anew.map.at(x, z)
+        again.watch(sighting(time_s=DT_S * n))
+    there = again.map.at(x, z)
     assert kept.excess_mps[i, j] == pytest.approx(there.excess_mps[0])
     assert kept.excess_sd_mps[i, j] == pytest.approx(there.excess_sd_mps[0])
-    assert kept.weights == pytest.approx(anew.map.mean())
+    assert kept.weights == pytest.approx(again.map.mean())
     assert search.map.mean() != pytest.approx(kept.weights)
 
 
 def test_who_looks_listens_and_seeks_and_who_watches_does_not_move_the_line() -> None:
     looks, watches = e.MapSearch(POLAR, (0.0,)), e.MapSearch(POLAR)
     looks.roll = roll_out
-    request = looks.look(seen())
+    request = looks.look(sighting())
     assert looks.state is not None
     assert request.target == looks.state.target
     assert len(looks.snapshots) == 1
-    watches.watch(seen())
+    watches.watch(sighting())
     assert watches.state is None
     assert watches.snapshots == []
     assert watches.map.mean() == pytest.approx(looks.map.mean())

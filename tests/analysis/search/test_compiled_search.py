@@ -66,10 +66,10 @@ def test_an_episode_compiled_is_the_plain_one() -> None:
 
     def flown(plain: bool) -> Episode:
         def made(first):  # type: ignore[no-untyped-def]
-            somebody = searcher("map and rollouts", there, POLAR, first)
+            made_now = searcher("map and rollouts", there, POLAR, first)
             if plain:
-                somebody.roll = roll_out  # type: ignore[attr-defined]
-            return somebody
+                made_now.roll = roll_out  # type: ignore[attr-defined]
+            return made_now
 
         return fly_episode(there, AIRFRAME, "somebody", made, plain=plain)
 

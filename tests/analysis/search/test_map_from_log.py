@@ -66,7 +66,7 @@ def test_the_frames_are_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     site = load_site(SITE)
     assert site.air is not None
-    seen = glimpses_of(hovering(FRAMES_S[1] + 1.0), 0.0, FRAMES_S[1] + 1.0)
+    glimpses = glimpses_of(hovering(FRAMES_S[1] + 1.0), 0.0, FRAMES_S[1] + 1.0)
     picture = tmp_path / "search.png"
-    assert map_figure(picture, seen, task(), site, build_field(site.air, SITE.parent))
+    assert map_figure(picture, glimpses, task(), site, build_field(site.air, SITE.parent))
     assert picture.stat().st_size > 10_000

@@ -90,7 +90,7 @@ def moving() -> FlightData:
 
 def test_a_glimpse_is_of_the_logs_place_and_speed_at_rest_in_attitude() -> None:
     found = e.glimpses_of(moving(), 0.4, 1.5)
-    assert len(found) == 5  # from 0.4 s on, each 0.2 s: the first is seen from, not told
+    assert len(found) == 5  # from 0.4 s on, each 0.2 s: the first only begins an interval
     glimpse = found[0]
     assert (glimpse.before.time_s, glimpse.now.time_s) == pytest.approx((0.4, 0.6))
     now = glimpse.now

@@ -113,7 +113,7 @@ def test_a_seed_is_one_place() -> None:
     assert abs(TUNED_ON - PUBLISHED) >= 1000
 
 
-def test_places_are_what_is_said_of_them() -> None:
+def test_places_are_drawn_within_their_ranges() -> None:
     changes = []
     for there in hills(12):
         start = there.site.start

@@ -50,7 +50,7 @@ def test_the_kinds_are_tunnels_and_hills() -> None:
 # --- hills --------------------------------------------------------------------------------------
 
 
-def test_hills_are_of_every_size_that_is_said() -> None:
+def test_hills_are_of_every_size_in_the_range() -> None:
     shapes = np.array([shape(hill) for hill in hills()])
     half, height, wind = shapes.T
     assert 5.0 <= half.min() < 9.0 < 36.0 < half.max() <= 40.0
@@ -118,7 +118,7 @@ def test_the_air_of_a_hill_is_that_of_the_ellipse_times_its_shear() -> None:
             u, w = ellipse_wind(wind, half, height, np.array([x]), np.array([z]))
             factor = 1.0 + shear(hill) * (z - 0.5 * box.z_max_m) / (box.z_max_m - box.z_min_m)
             got = steady.wind_at(x, 0.0, z, 0.0)
-            # A grid of 120 cells, and a shear that is told to a hundredth.
+            # A grid of 120 cells, and a shear that is known to a hundredth.
             assert got[0] == pytest.approx(factor * u[0], rel=0.01)
             assert got[2] == pytest.approx(factor * w[0], abs=0.02 * wind)
 

@@ -184,7 +184,7 @@ def test_the_room_is_the_least_of_ground_and_fence_at_the_end() -> None:
     assert isnan(scored(flown_s=30.0, ended="hit the ground").room_m)
 
 
-# --- shares -------------------------------------------------------------------------------------
+# --- fractions ----------------------------------------------------------------------------------
 
 
 def test_an_interval_of_another_confidence_is_that_of_its_tails() -> None:
@@ -195,6 +195,6 @@ def test_an_interval_of_another_confidence_is_that_of_its_tails() -> None:
     assert (1.0 - high, 1.0 - low) == pytest.approx(interval(7, 10))
 
 
-def test_a_share_is_told_in_per_cent() -> None:
+def test_a_fraction_is_reported_in_per_cent() -> None:
     assert fraction_text(20, 20) == "20 of 20 (83–100 %)"
     assert fraction_text(0, 20) == "0 of 20 (0–17 %)"

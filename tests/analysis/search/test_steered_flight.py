@@ -122,7 +122,7 @@ def test_the_line_is_moved_between_two_looks_and_once(flown: Flown) -> None:
     assert after.moving.line.moving
 
 
-def test_what_was_flown_is_told_at_any_rate(flown: Flown) -> None:
+def test_what_was_flown_is_reported_at_any_rate(flown: Flown) -> None:
     flight, _, _ = flown
     each, tenth = flight.trajectory(), flight.trajectory(20)
     assert len(each.columns["time_s"]) == 180
@@ -148,7 +148,7 @@ def test_the_same_seed_is_the_same_flight_and_plain_is_what_flies_it(flown: Flow
 
 
 class Scripted:
-    """Flies what it is told: at each look it is in control or not, and stands as it does."""
+    """Flies a script: at each look it is in control or not, and stands as it does."""
 
     def __init__(self, flight: EpisodeFlight, looks: list[Any]) -> None:
         self.looks = iter(looks)
@@ -161,30 +161,34 @@ class Scripted:
     ) -> Any:
         begin = self.until[-1] if self.until else 0
         self.until.append(until)
-        told: dict[str, Any] = {
+        scripted_now: dict[str, Any] = {
             "active": True, "standing": FLIES, "steps": until, "pushed_mps": 0.0, "throttle": 0.0,
             "climb": 0.0, **next(self.looks),
         }  # fmt: skip
-        rows[begin : told["steps"]] = 0.0
-        rows[begin : told["steps"], COLUMN["air_wind_mps"]] = 9.0
-        rows[begin : told["steps"], COLUMN["throttle"]] = told["throttle"]
+        rows[begin : scripted_now["steps"]] = 0.0
+        rows[begin : scripted_now["steps"], COLUMN["air_wind_mps"]] = 9.0
+        rows[begin : scripted_now["steps"], COLUMN["throttle"]] = scripted_now["throttle"]
         truth = self.truth
         vehicle = SimpleNamespace(
-            time_s=until / HZ, x_m=0.0, z_m=1.5, velocity_x_mps=0.25, climb_mps=told["climb"]
+            time_s=until / HZ,
+            x_m=0.0,
+            z_m=1.5,
+            velocity_x_mps=0.25,
+            climb_mps=scripted_now["climb"],
         )
         line = SimpleNamespace(
             x_m=0.0, z_m=1.5, eta_rad=2.0, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0
         )
         return SimpleNamespace(
-            steps=told["steps"],
-            standing=told["standing"],
+            steps=scripted_now["steps"],
+            standing=scripted_now["standing"],
             reason=0,
             aircraft=truth,
-            active=told["active"],
+            active=scripted_now["active"],
             forecast=0,
             vehicle=vehicle,
             line=line,
-            pushed_mps=told["pushed_mps"],
+            pushed_mps=scripted_now["pushed_mps"],
         )
 
 
@@ -281,7 +285,7 @@ def test_it_flies_with_the_drag_of_the_place_and_the_module_knows_its_file() -> 
     assert flight.world.field is there().field
 
 
-def test_without_a_pitot_the_search_is_told_so() -> None:
+def test_without_a_pitot_a_flight_has_no_airspeed_sensor() -> None:
     flight = new(0.1, pitot=False)
     assert flight.world.sensors.airspeed is None
     assert not flight.pitot
@@ -346,7 +350,7 @@ def begun(flight: Flies) -> Episode:
     )  # fmt: skip
 
 
-def test_a_line_is_moved_as_it_is_requested_and_the_claim_is_told_in_mode() -> None:
+def test_a_line_is_moved_as_it_is_requested_and_the_claim_is_reported_in_mode() -> None:
     flight: Any = Flies()
     episode = begun(flight)
     for standing, status in ((1.0, LOOKING), (2.0, SOARING)):
@@ -383,21 +387,21 @@ def test_a_searcher_is_made_of_the_first_look_that_shows_something(
 ) -> None:
     flight = Flies()
     made: list[Any] = []
-    heard: list[Any] = []
+    looks_given: list[Any] = []
 
-    class Somebody:
+    class Searcher:
         def look(self, look: Any) -> LineRequest:
-            heard.append(look)
+            looks_given.append(look)
             over = flight.looks == gives_up_at
             return request(GIVEN_UP if over else LOOKING, NO_PLACE if over else 0)
 
-    def maker(look: Any) -> Somebody:
+    def maker(look: Any) -> Searcher:
         made.append(look)
-        return Somebody()
+        return Searcher()
 
     episode = flown_by(cast("Any", flight), "who", maker)
     assert made == ["look 2"]
-    assert heard == [f"look {n}" for n in range(2, looks + 1)]
+    assert looks_given == [f"look {n}" for n in range(2, looks + 1)]
     assert (episode.searcher, episode.landing_m) == ("who", 0.45)
     assert episode.place is flight.place
     assert episode.flown_s == pytest.approx(LOOKED_S * looks)
@@ -405,18 +409,18 @@ def test_a_searcher_is_made_of_the_first_look_that_shows_something(
     assert (episode.claims, episode.height_left_m, episode.ended) == ([], 0.0, "")
 
 
-def test_an_episode_is_told_ten_times_a_second_with_the_height_that_is_left() -> None:
-    told: list[Sighting] = []
+def test_an_episode_is_looked_at_ten_times_a_second_with_the_height_that_is_left() -> None:
+    looks: list[Sighting] = []
 
     class Stays:
         def look(self, look: Sighting) -> LineRequest:
-            told.append(look)
+            looks.append(look)
             return request(LOOKING)._replace(target=TargetLine(*look.moving.line[:3]))
 
     short = there()._replace(duration_s=0.5)
     episode = fly_episode(short, AIRFRAME, "who", lambda _look: Stays(), pitot=False, plain=True)
-    assert [look.time_s for look in told] == pytest.approx([0.4, 0.5])
-    assert not told[0].pitot
+    assert [look.time_s for look in looks] == pytest.approx([0.4, 0.5])
+    assert not looks[0].pitot
     assert (episode.ended, episode.flown_s, episode.given_up) == ("", 0.5, "")
     assert episode.path["time_s"] == pytest.approx(0.1 * np.arange(5))
     assert episode.landing_m == pytest.approx(0.45)  # one and a half of CLEAR_MIN

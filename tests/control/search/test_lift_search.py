@@ -224,7 +224,9 @@ def task(ground: Ground) -> SearchTask:
     )
 
 
-def seen(before: VehicleState, now: VehicleState, line: LineTracking, ground: Ground) -> Sighting:
+def sighting(
+    before: VehicleState, now: VehicleState, line: LineTracking, ground: Ground
+) -> Sighting:
     """Of a glimpse by that task."""
     glimpse = Glimpse(
         before=before,
@@ -261,7 +263,7 @@ def test_over_a_slope_it_gives_up_while_there_is_clearance_along_its_normal(
     line = LineTracking(
         x_m=x_m, z_m=now.z_m, eta_rad=ETA, moving=False, e_rho_m=0.0, e_rho_rate_mps=0.0
     )
-    look = seen(now._replace(time_s=0.8, z_m=now.z_m + 0.2), now, line, steep)
+    look = sighting(now._replace(time_s=0.8, z_m=now.z_m + 0.2), now, line, steep)
     assert look.over_ground_m == pytest.approx(over_m)
     assert landing_height(look) == pytest.approx(low_m)
     request = LiftSearch(POLAR).seek(look)  # without a map: it knows no line that would carry it
@@ -284,7 +286,7 @@ def test_a_line_moves_as_fast_as_its_distance_does_not_say_of_the_aircraft(
             x_m=0.0, z_m=0.0, eta_rad=ETA, moving=moving, e_rho_m=0.0,
             e_rho_rate_mps=across - line_mps,
         )  # fmt: skip
-        look = seen(now._replace(time_s=0.8), now, line, GUARDS.ground)
+        look = sighting(now._replace(time_s=0.8), now, line, GUARDS.ground)
         assert look.moving.line.speed_mps == pytest.approx(speed_mps)
 
 

@@ -83,7 +83,7 @@ def test_it_says_where_there_is_nowhere() -> None:
     assert plan.lasts_s < 8.0
 
 
-def test_the_chance_is_the_share_of_fields() -> None:
+def test_the_chance_is_the_fraction_of_fields() -> None:
     good, bad = lift_at(0.0, 1.6, copies=3), lift_at(0.0, -2.5, copies=1)
     both = Fields(*(np.concatenate([a, b]) for a, b in zip(good, bad, strict=True)))
     plan = plan_in(GRID, both, POLAR, GUARDS, at_rest(), HERE, 0.01)

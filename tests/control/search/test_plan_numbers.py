@@ -1,6 +1,6 @@
 """The plan's numbers: what each candidate is worth, costs, and is refused for, at each limit.
 
-Rollouts are as a test writes them down: nothing is flown.
+Rollouts are scripted by each test: nothing is flown.
 """
 
 from __future__ import annotations
@@ -311,7 +311,7 @@ def test_a_line_that_is_good_enough_is_kept(flown: Flown, worth: float, stays: b
     assert flown.plan(keep=Keep(worth, weaker=False)).stays == stays
 
 
-def test_the_best_is_told_of_as_it_is_in_the_mean_field(flown: Flown) -> None:
+def test_the_best_is_reported_as_it_is_in_the_mean_field(flown: Flown) -> None:
     """All but one are lost; that one soars in three fields of four."""
     flown.lost_at(np.ones(flown.count))
     columns = {}

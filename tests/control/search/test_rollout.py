@@ -213,7 +213,7 @@ def test_the_guards_ground_is_the_envelopes_however_long_the_fence_is(
     assert (z - floor_at(ground, x, 0.0))[allowed].min() > guards.landing_m - 1e-9
 
 
-def test_over_ground_that_nobody_knows_the_fences_floor_is_level() -> None:
+def test_over_unknown_ground_the_fences_floor_is_level() -> None:
     grid = Grid(FlowBasis(NO_GROUND, BOX), NO_GROUND)
     x = np.array([-25.0, 0.0, 25.0])
     assert grid.clearance(x, np.full(3, 4.0)) == pytest.approx(4.0 - BOX.z_min_m)

@@ -1,6 +1,6 @@
 """The search's numbers one by one: averages, chances and times on both sides.
 
-Chances are shares of eleven fields: the mean one in three winds, and eight draws.
+Chances are fractions of eleven fields: the mean one in three winds, and eight draws.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A search that is sent glimpses: when it begins anew, what it keeps, and what it answers."""
+"""A search that is sent glimpses: when it restarts, what it keeps, and what it answers."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_an_answer_says_of_which_glimpse_and_search_it_is(seeker: Seeker) -> Non
     assert request.over_ground_m == pytest.approx(10.0)
 
 
-def test_before_it_is_told_of_a_place_and_after_a_flight_it_answers_nothing(
+def test_before_it_has_a_place_and_after_a_flight_it_answers_nothing(
     seeker: Seeker,
 ) -> None:
     assert asked(Seeker(), 1.0) is None
@@ -102,7 +102,7 @@ def test_a_glimpse_without_a_place_is_passed_over(seeker: Seeker) -> None:
     assert seeker.search is known
 
 
-def test_who_only_listens_keeps_the_map_and_begins_anew_when_a_line_is_wanted(
+def test_who_only_listens_keeps_the_map_and_restarts_when_a_line_is_wanted(
     seeker: Seeker,
 ) -> None:
     asked(seeker, 1.0)
@@ -112,7 +112,7 @@ def test_who_only_listens_keeps_the_map_and_begins_anew_when_a_line_is_wanted(
     assert (seeker.search.state, seeker.search.map) == (None, known)
 
 
-def test_a_map_is_older_by_as_long_as_nothing_was_heard(seeker: Seeker) -> None:
+def test_a_map_is_older_by_as_long_as_nothing_was_received(seeker: Seeker) -> None:
     """As after minutes of beating: a trend is over, and of the wind less is known."""
     for n in range(40):
         seeker.take(glimpse(1.0 + 0.2 * n, wind_mps=9.0 * 0.996**n, seeks=False))
@@ -144,7 +144,7 @@ def test_a_clock_that_goes_back_makes_a_map_no_older(seeker: Seeker) -> None:
 def test_what_was_refused_is_left_out_and_not_what_was_asked_for_since(
     seeker: Seeker, monkeypatch: pytest.MonkeyPatch, newer: bool
 ) -> None:
-    """A slow search has asked for B before it hears that A was refused."""
+    """A slow search has asked for B before it receives that A was refused."""
     a, b = TargetLine(2.0, 10.0, ETA), TargetLine(-2.0, 10.0, ETA)
     asks = [a, b] if newer else [a]
 
@@ -192,7 +192,7 @@ HILL = Ground(1, (0.0,) * GROUND_POINTS, (1.0,) * GROUND_POINTS)
 
 
 @pytest.mark.parametrize(
-    ("changed", "anew"),
+    ("changed", "is_reset"),
     [
         ({}, False),
         ({"fence": TASK.fence._replace(x_max_m=19.0)}, True),
@@ -204,11 +204,11 @@ HILL = Ground(1, (0.0,) * GROUND_POINTS, (1.0,) * GROUND_POINTS)
     ],
 )
 def test_a_map_is_of_one_place_and_one_aircraft(
-    seeker: Seeker, changed: dict[str, Any], anew: bool
+    seeker: Seeker, changed: dict[str, Any], is_reset: bool
 ) -> None:
     asked(seeker, 1.0)
     seeker.begin(TASK._replace(**changed))
-    assert (seeker.search is None) is anew
+    assert (seeker.search is None) is is_reset
     asked(seeker, 1.2)
     assert seeker.search is not None
     etas = changed.get("eta_min_rad", 1.6), 2.0

@@ -37,14 +37,14 @@ def look(time_s: float = 1.0, *, carried: bool = False) -> Sighting:
 @pytest.fixture
 def given(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What the last plan was given beyond grid, fields and polar."""
-    told: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
 
     def plan(*places: Any, **names: Any) -> LinePlan:
-        told.update(names, guards=places[3])
+        arguments.update(names, guards=places[3])
         return plan_in(*places, **names)
 
     monkeypatch.setattr(lift_search, "plan_in", plan)
-    return told
+    return arguments
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_with_power_no_height_for_landing_is_kept(
 
 
 @pytest.mark.parametrize(("slower_mps", "landing_m"), [(0.1, 0.0), (-0.1, 1.5)])
-def test_power_carries_nobody_in_a_wind_too_slow_to_hover_in(
+def test_power_carries_no_aircraft_in_a_wind_too_slow_to_hover_in(
     given: dict[str, Any], slower_mps: float, landing_m: float
 ) -> None:
     """By the map where it is, and not by the wind of this instant."""
@@ -134,7 +134,7 @@ def test_a_clock_that_goes_back_forgets_what_was_refused(
     assert given["leeway"].refused == ()
 
 
-def test_a_search_that_rests_begins_anew_with_the_same_map(
+def test_a_search_that_rests_restarts_with_the_same_map(
     search: LiftSearch, given: dict[str, Any]
 ) -> None:
     search.seek(look(2.0))

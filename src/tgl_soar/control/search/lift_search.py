@@ -127,7 +127,7 @@ class LiftSearch:
         self.plan: LinePlan | None = None  # the last
         self.leans_rad = (0.0, pi)  # the inclinations that a line may have
         self._refused: list[tuple[float, TargetLine]] = []  # since when, and the line
-        self._heard_s = inf  # when the last reading was
+        self._last_reading_s = inf
         self._map: LiftMap | None = None
         self._grid: Grid | None = None
         self._normals = np.zeros((DRAWS, 0))
@@ -160,10 +160,10 @@ class LiftSearch:
             rng = np.random.default_rng(0)
             self._normals = rng.normal(size=(DRAWS, self._map.basis.count))
             self._trend_normals = rng.normal(size=DRAWS)
-        unheard_s = look.time_s - look.dt_s - self._heard_s
-        self._heard_s = look.time_s
+        gap_s = look.time_s - look.dt_s - self._last_reading_s
+        self._last_reading_s = look.time_s
         try:
-            self._map.take(reading, unheard_s if unheard_s > 0.5 * look.dt_s else 0.0)
+            self._map.take(reading, gap_s if gap_s > 0.5 * look.dt_s else 0.0)
         except np.linalg.LinAlgError:  # what no aircraft measures
             self._map = self._grid = None
 
