@@ -1,4 +1,4 @@
-"""What ArduPlane and the simulation say to one another, number by number, and what it is set to
+"""What ArduPlane and the simulation send to one another, number by number, and what it is set to
 before a flight, with the reason for each parameter."""
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def test_what_is_too_short_too_long_or_of_no_plane_is_no_answer(
         plane.physics.exchange(READINGS, NO_STICKS)
 
 
-def test_nothing_comes_where_nobody_is() -> None:
+def test_without_a_firmware_nothing_connects() -> None:
     alone = ArduPlanePhysics(PLAIN)
     assert not alone.connect(0.0)
     alone.close()
@@ -236,7 +236,7 @@ def test_a_fix_is_at_the_aircrafts_place() -> None:
     assert (fix.speed_accuracy, fix.horiz_accuracy, fix.vert_accuracy) == (0.1, 0.2, 0.3)
 
 
-def test_the_time_of_the_week_begins_anew_after_seven_days() -> None:
+def test_the_time_of_the_week_begins_again_after_seven_days() -> None:
     week_s = 7 * 86400
     fix = gps_input(HOME, READINGS._replace(time_s=week_s + 1.5))
     assert fix.time_week_ms == 1500
@@ -422,11 +422,11 @@ class Launched:
 def test_it_is_started_to_wait_for_us_at_our_ports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen: dict[str, Any] = {}
+    started: dict[str, Any] = {}
     process = Launched()
 
     def launch(binary: Path, options: tuple[str, ...], log: Path, settings: Any) -> Launched:
-        seen.update(binary=binary, options=options, log=log, settings=settings)
+        started.update(binary=binary, options=options, log=log, settings=settings)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
             port = int(options[options.index("--sim-port-out") + 1])
             client.sendto(outputs(0), ("127.0.0.1", port))
@@ -439,7 +439,7 @@ def test_it_is_started_to_wait_for_us_at_our_ports(
     folder = tmp_path / "new" / "run"
     site = load_site(shipped("sites/tunnel_mocap.toml"))
     plane, relay = ardupilot.start(binary, folder, AIRFRAME, site, {"SIM_WIND_SPD": 0.1234567891})
-    options = seen["options"]
+    options = started["options"]
     words = dict(zip(options[1::2], options[2::2], strict=True))
     assert options[0] == "--wipe"
     assert words["--model"] == "JSON:127.0.0.1"

@@ -37,7 +37,7 @@ def outputs(frame: int, pulses: list[int], magic: int = MAGIC) -> bytes:
 
 
 class FakeArduPlane(threading.Thread):
-    """Sends outputs, and the next ones for every line that it hears."""
+    """Sends outputs, and the next ones for every line that it receives."""
 
     def __init__(self, port: int, answers: list[bytes]) -> None:
         super().__init__(daemon=True)
@@ -239,9 +239,9 @@ def test_a_point_is_held_through_a_real_arduplane_until_half_of_the_brake_jams(
     assert np.std(truth["brake"][held]) > 0.0
     assert np.sqrt(np.mean((along[held] - point_m) ** 2)) < 0.02
     assert passed(flight)  # on the line alone, to the end
-    said = (tmp_path / "module.log").read_text()
-    assert "point: held" in said
-    assert "point: brake pulls to one side: line alone" in said
+    log = (tmp_path / "module.log").read_text()
+    assert "point: held" in log
+    assert "point: brake pulls to one side: line alone" in log
 
 
 @REAL
@@ -312,7 +312,7 @@ def test_a_real_arduplane_takes_over_with_the_landing_of_its_mission(tmp_path: P
     flight = fly(options, lambda _: None)
     assert flight.truth["mode"][-1] == MODE_AUTO
     assert not flight.truth["overridden"][-1]
-    said = (tmp_path / "module.log").read_text()
-    assert "landing: away from the slope" in said
-    assert "the autopilot lands: item 2 of its mission" in said
-    assert "LND_BY" not in said  # nothing is amiss with the mission
+    log = (tmp_path / "module.log").read_text()
+    assert "landing: away from the slope" in log
+    assert "the autopilot lands: item 2 of its mission" in log
+    assert "LND_BY" not in log  # nothing is amiss with the mission

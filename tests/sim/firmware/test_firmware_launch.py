@@ -56,7 +56,7 @@ LAND = MissionItem(
 
 
 class Physics:
-    """A firmware that puts out what the sticks ask for, and remembers what it was told."""
+    """A firmware that puts out what the sticks ask for, and keeps the sticks of each step."""
 
     name = "Fake"
     step_hz = STEP_HZ
@@ -94,7 +94,7 @@ class Physics:
 
 
 class FirmwareRelay(Relay):
-    """A relay whose firmware says what the test says, without a socket's way between."""
+    """A relay whose firmware reports what the test sets, without a socket between."""
 
     def __init__(self) -> None:
         super().__init__(1, STEP_HZ, FirmwareLink(None), FirmwareLink(None))
@@ -107,7 +107,7 @@ class FirmwareRelay(Relay):
     def greet(self) -> None:
         self.greeted.append(self._step)
 
-    def says(self, mode: int, *, armed: bool = False, ready: bool = True) -> None:
+    def reports(self, mode: int, *, armed: bool = False, ready: bool = True) -> None:
         self.custom_mode, self.armed, self.ready = mode, armed, ready
 
     def commanded(self, by: str = "SET_ATTITUDE_TARGET") -> None:
@@ -138,30 +138,30 @@ class Flight:
         self.sim.take_events()
 
     def steps(self, n: int = 1) -> list[str]:
-        said = []
+        events = []
         for _ in range(n):
             self.sim.step()
-            said += self.sim.take_events()
-        return said
+            events += self.sim.take_events()
+        return events
 
     def asked(self) -> list[Any]:
         asked, self.relay.asked = self.relay.asked, []
         return asked
 
     def booted(self) -> None:
-        self.relay.says(3, ready=False)
+        self.relay.reports(3, ready=False)
         assert self.steps() == [
             "Fake has booted: waiting until its estimator has aligned",
         ]
 
     def aligned(self) -> None:
         self.booted()
-        self.relay.says(3)
+        self.relay.reports(3)
         assert self.steps() == ["aligned: arming it"]
 
     def launched(self) -> None:
         self.aligned()
-        self.relay.says(OBEYS, armed=True)
+        self.relay.reports(OBEYS, armed=True)
         assert self.steps() == ["armed: held until a companion commands the surfaces"]
         self.relay.commanded()
         assert self.steps() == ["launched: it obeys SET_ATTITUDE_TARGET"]
@@ -197,10 +197,10 @@ def test_it_is_asked_once_a_second_for_its_mode_and_then_to_arm(flight: Flight) 
     flight.steps(3 * STEP_HZ)
     asked = flight.asked()
     assert [(each.command, each.param2) for each in asked] == [(176, MANUAL)] * 3  # DO_SET_MODE
-    flight.relay.says(MANUAL)
+    flight.relay.reports(MANUAL)
     flight.steps(2 * STEP_HZ)
     assert [(each.command, each.param1) for each in flight.asked()] == [(400, 1.0)] * 2
-    flight.relay.says(MANUAL, armed=True)
+    flight.relay.reports(MANUAL, armed=True)
     assert flight.steps() == ["armed: held until a companion commands the surfaces"]
     flight.steps(2 * STEP_HZ)
     assert flight.asked() == []
@@ -219,14 +219,14 @@ def test_it_is_freed_only_armed_and_commanded_in_the_mode_that_obeys(
     flight: Flight, lacking: str
 ) -> None:
     flight.aligned()
-    flight.relay.says(OBEYS, armed=True)
+    flight.relay.reports(OBEYS, armed=True)
     flight.steps()
-    flight.relay.says(5 if lacking == "mode" else OBEYS, armed=lacking != "armed")
+    flight.relay.reports(5 if lacking == "mode" else OBEYS, armed=lacking != "armed")
     if lacking != "command":
         flight.relay.commanded("MANUAL_CONTROL" if lacking == "kind" else "SET_ATTITUDE_TARGET")
     assert flight.steps() == []
     assert flight.sim.world.held
-    flight.relay.says(OBEYS, armed=True)
+    flight.relay.reports(OBEYS, armed=True)
     flight.relay.commanded()
     assert flight.steps() == ["launched: it obeys SET_ATTITUDE_TARGET"]
     assert not flight.sim.world.held
@@ -238,7 +238,7 @@ def test_a_mission_is_announced_every_second_until_it_is_accepted() -> None:
     flight.booted()
     flight.steps(2 * STEP_HZ)
     assert flight.asked() == []  # not ready
-    flight.relay.says(3)
+    flight.relay.reports(3)
     assert flight.steps(2 * STEP_HZ) == []
     begun = flight.asked()
     assert [(each.get_type(), each.count) for each in begun] == [("MISSION_COUNT", 2)] * 2
@@ -246,7 +246,7 @@ def test_a_mission_is_announced_every_second_until_it_is_accepted() -> None:
     flight.relay.mission.answer(mavlink.MAVLink_mission_ack_message(1, 190, 0))
     assert flight.steps() == ["aligned: arming it"]
     flight.asked()
-    flight.relay.says(MANUAL, armed=True)
+    flight.relay.reports(MANUAL, armed=True)
     flight.steps()
     [home] = flight.asked()
     assert (home.get_type(), home.command, home.x) == ("COMMAND_INT", 179, 520000000)
@@ -264,7 +264,7 @@ def test_a_firmware_that_has_its_home_by_itself_is_given_the_other_items() -> No
 
 def test_without_a_mission_no_home_is_set(flight: Flight) -> None:
     flight.aligned()
-    flight.relay.says(MANUAL, armed=True)
+    flight.relay.reports(MANUAL, armed=True)
     flight.asked()
     flight.steps()
     assert flight.asked() == []
@@ -273,7 +273,7 @@ def test_without_a_mission_no_home_is_set(flight: Flight) -> None:
 def test_a_mission_that_is_refused_ends_the_flight() -> None:
     flight = Flight(mission=(HOME, LAND))
     flight.booted()
-    flight.relay.says(3)
+    flight.relay.reports(3)
     assert flight.relay.mission is not None
     flight.relay.mission.answer(mavlink.MAVLink_mission_ack_message(1, 190, 4))
     with pytest.raises(FirmwareError, match="Fake refuses the mission: MAV_MISSION_RESULT 4"):
@@ -286,7 +286,7 @@ def test_it_is_greeted_once_a_second(flight: Flight) -> None:
     assert set(np.diff(flight.relay.greeted)) == {STEP_HZ}
 
 
-def test_help_goes_to_the_firmware_and_is_told_what_it_said(flight: Flight) -> None:
+def test_help_goes_to_the_firmware_and_is_given_what_it_reported(flight: Flight) -> None:
     flight.relay.texts.add("EKF3 begins")
     flight.steps()
     assert flight.asked() == []
@@ -345,7 +345,7 @@ def test_the_pilot_holds_the_place_where_they_took_over_last(flight: Flight) -> 
     """5 m up and downwind of where they held it before: it is held there and not flown back to, so
     their stick asks for no pitch of 0.15 rad."""
     flight.launched()
-    flight.relay.says(5, armed=True)  # in a mode that helps, their stick asks for a pitch
+    flight.relay.reports(5, armed=True)  # in a mode that helps, their stick asks for a pitch
     flight.steps(10)
     flight.relay.custom_mode = OBEYS
     flight.relay.commanded()
@@ -353,7 +353,7 @@ def test_the_pilot_holds_the_place_where_they_took_over_last(flight: Flight) -> 
     world = flight.sim.world
     state = world.state
     world.state = state._replace(x_m=state.x_m + 5.0, z_m=state.z_m + 5.0)
-    flight.relay.says(5, armed=True)
+    flight.relay.reports(5, armed=True)
     flight.steps()
     v_x, v_z = world.state.velocity_x_mps, world.state.velocity_z_mps
     damping_rad = 0.25 * (-v_x * sin(radians(105.0)) + v_z * cos(radians(105.0)))
@@ -376,7 +376,7 @@ def test_in_manual_the_pilot_moves_the_elevator_and_the_ailerons_themselves(
     """In a mode that helps, their stick asks for no bank: wings level are its middle."""
     for mode, by_hand in ((MANUAL, True), (5, False)):
         flight.launched() if by_hand else None
-        flight.relay.says(mode, armed=True)
+        flight.relay.reports(mode, armed=True)
         state = flight.sim.world.state
         flight.sim.world.state = state._replace(qx=0.1)
         flight.steps(STEP_HZ // 4)
@@ -388,7 +388,7 @@ def test_the_signals_of_a_transmitter_have_names() -> None:
     assert SIGNALS == {"transmitter.silent": NO_PULSES, "transmitter.failsafe": THROTTLE_LOW}
 
 
-def test_what_the_pilot_takes_and_what_is_received_is_told_while_held_too() -> None:
+def test_what_the_pilot_takes_and_what_is_received_is_reported_while_held_too() -> None:
     flight = Flight(faults=("pilot.takes start=0.2 for=0.2", "transmitter.silent start=0.2 for=1"))
     flight.steps(STEP_HZ // 2)
     sticks = flight.physics.sticks
@@ -399,13 +399,13 @@ def test_what_the_pilot_takes_and_what_is_received_is_told_while_held_too() -> N
     assert {s.deflections for s in sticks} == {SurfaceCommand(0.0, 0.0, 0.0, 0.0)}
 
 
-def test_one_that_was_lost_lies_for_ten_seconds_and_is_held_and_launched_anew(
+def test_one_that_was_lost_lies_for_ten_seconds_and_is_held_and_launched_again(
     flight: Flight,
 ) -> None:
     flight.launched()
     world = flight.sim.world
     world.state = world.state._replace(z_m=-100.0)  # below the ground
-    flight.relay.says(MANUAL, armed=True)
+    flight.relay.reports(MANUAL, armed=True)
     [lost] = flight.steps()
     assert lost.startswith("lost: ")
     assert (flight.sim.crashes, flight.sim.flying) == (1, False)
@@ -413,7 +413,7 @@ def test_one_that_was_lost_lies_for_ten_seconds_and_is_held_and_launched_anew(
     assert flight.steps(2) == ["carried back and held at the start again"]
     assert world.held
     assert world.crashed == ""
-    flight.relay.says(OBEYS, armed=True)
+    flight.relay.reports(OBEYS, armed=True)
     flight.relay.commanded()
     assert flight.steps() == ["launched: it obeys SET_ATTITUDE_TARGET"]
     assert flight.sim.crashes == 1
@@ -424,7 +424,7 @@ def test_one_that_is_lost_need_not_boot_again(flight: Flight) -> None:
     flight.steps()
     flight.sim.world.state = flight.sim.world.state._replace(z_m=-100.0)
     flight.steps(3 * STEP_HZ + 2)
-    flight.relay.says(3)  # disarmed: nobody arms it again before a companion flies
+    flight.relay.reports(3)  # disarmed: it is not armed again before a companion flies
     flight.asked()
     flight.steps(2 * STEP_HZ)
     assert flight.asked() == []
@@ -439,7 +439,7 @@ def test_the_summary_counts_what_the_companion_sent(flight: Flight) -> None:
 def test_log_and_record_are_written_and_closed(tmp_path: Path) -> None:
     log, record = tmp_path / "truth.csv", tmp_path / "record.tlog"
     flight = Flight(log=log, log_hz=25, record=record)
-    flight.relay.says(OBEYS, armed=True)
+    flight.relay.reports(OBEYS, armed=True)
     flight.steps(STEP_HZ)
     assert flight.relay.record is not None
     flight.sim.close()
@@ -455,8 +455,8 @@ def test_a_parameter_is_set_with_the_components_own_message(flight: Flight) -> N
     assert (asked.target_system, asked.target_component, asked.param_id) == (1, 1, "SIM_X")
     assert timed.relay.parameters is not None
     timed.relay.parameters.take(mavlink.MAVLink_param_value_message(b"SIM_X", 0.0, 9, 1, 0))
-    said = timed.steps(STEP_HZ // 5)
-    assert said == ["sets SIM_X = 2.5"]
+    events = timed.steps(STEP_HZ // 5)
+    assert events == ["sets SIM_X = 2.5"]
     [sent] = timed.asked()
     assert (sent.target_system, sent.target_component) == (1, 1)
     assert (sent.param_id, sent.param_value, sent.param_type) == ("SIM_X", 2.5, 9)  # REAL32

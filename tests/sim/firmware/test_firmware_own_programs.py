@@ -1,5 +1,5 @@
-"""How a firmware of our own is started and ended: its ports, its files, what it is told, and what
-is said where it does not come.  What would be its program connects from this process."""
+"""How a firmware of our own is started and ended: its ports, its files, its arguments, and what is
+reported where it does not come.  What would be its program connects from this process."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def connecting(clients: list[socket.socket]) -> Callable[[Process], None]:
 # --- PX4 ------------------------------------------------------------------------------------------
 
 
-def test_a_px4_is_told_its_instance_its_files_and_its_parameters(
+def test_a_px4_is_given_its_instance_its_files_and_its_parameters(
     tmp_path: Path, process: Process, binary: Path, clients: list[socket.socket]
 ) -> None:
     process.connects = connecting(clients)
@@ -222,7 +222,7 @@ def plane_of(
     return ArduPlane(binary, folder, AIRFRAME.surfaces, parameters, HOME, by_poses=False)
 
 
-def test_an_arduplane_is_told_its_place_its_pace_and_where_we_are(
+def test_an_arduplane_is_given_its_place_its_pace_and_where_we_are(
     tmp_path: Path, process: Process, binary: Path
 ) -> None:
     folder = tmp_path / "new" / "run"

@@ -83,7 +83,7 @@ class ArduPlane(Px4):
 def flown(firmware: Px4, *settings: TimedSetting, seconds: float = 12.0) -> list[tuple[float, str]]:
     """What the bridge reports, and when [s]."""
     changes = ParameterChanges(settings, firmware.codec, 7)
-    said = []
+    events = []
     for step in range(round(seconds / STEP_S)):
         now_s = step * STEP_S
         for message in changes.due(now_s):
@@ -91,8 +91,8 @@ def flown(firmware: Px4, *settings: TimedSetting, seconds: float = 12.0) -> list
             answer = firmware.answer(travelled(message))
             if answer is not None:
                 changes.take(travelled(answer))
-        said += [(round(now_s, 3), event) for event in changes.take_events()]
-    return said
+        events += [(round(now_s, 3), event) for event in changes.take_events()]
+    return events
 
 
 def test_each_firmware_has_its_own_encoding() -> None:
@@ -104,9 +104,9 @@ def test_each_firmware_has_its_own_encoding() -> None:
 def test_px4_takes_a_whole_number_by_its_bytes_and_its_own_type(number: float) -> None:
     firmware = Px4(EKF2_GPS_CTRL=INT32)
     firmware.values["EKF2_GPS_CTRL"] = 3.0
-    said = flown(firmware, TimedSetting("EKF2_GPS_CTRL", number, 2.0))
+    events = flown(firmware, TimedSetting("EKF2_GPS_CTRL", number, 2.0))
     assert firmware.values["EKF2_GPS_CTRL"] == number
-    assert said == [
+    assert events == [
         (2.0, f"sets EKF2_GPS_CTRL = {number:g}"),
         (2.0, f"EKF2_GPS_CTRL is {number:g}"),
     ]
@@ -116,18 +116,18 @@ def test_px4_takes_a_whole_number_by_its_bytes_and_its_own_type(number: float) -
 @pytest.mark.parametrize("kind", [INT8, INT32])
 def test_arduplane_takes_a_whole_number_as_a_float(kind: int) -> None:
     firmware = ArduPlane(SIM_GPS_DISABLE=kind)
-    said = flown(firmware, TimedSetting("SIM_GPS_DISABLE", 1.0, 2.0))
+    events = flown(firmware, TimedSetting("SIM_GPS_DISABLE", 1.0, 2.0))
     assert firmware.values["SIM_GPS_DISABLE"] == 1.0
-    assert [words for _, words in said] == ["sets SIM_GPS_DISABLE = 1", "SIM_GPS_DISABLE is 1"]
+    assert [words for _, words in events] == ["sets SIM_GPS_DISABLE = 1", "SIM_GPS_DISABLE is 1"]
     assert [message.param_value for message in firmware.sets] == [1.0]
 
 
 @pytest.mark.parametrize("make", [Px4, ArduPlane])
 def test_a_number_that_is_not_whole_goes_as_it_is(make: type[Px4]) -> None:
     firmware = make(SIM_X=REAL32)
-    said = flown(firmware, TimedSetting("SIM_X", 2.7e-5, 2.0))  # the link rounds it
+    events = flown(firmware, TimedSetting("SIM_X", 2.7e-5, 2.0))  # the link rounds it
     assert firmware.values["SIM_X"] == pytest.approx(2.7e-5)
-    assert said[-1] == (2.0, "SIM_X is 2.7e-05")
+    assert events[-1] == (2.0, "SIM_X is 2.7e-05")
     assert len(firmware.sets) == 1
 
 
@@ -141,46 +141,46 @@ def test_the_type_is_asked_for_until_it_is_known_and_once() -> None:
     assert [changes.due(3.0 + step * STEP_S) for step in range(50)] == [[]] * 50
 
 
-def test_one_that_the_firmware_does_not_have_is_said() -> None:
+def test_one_that_the_firmware_does_not_have_is_reported() -> None:
     firmware = Px4()
-    said = flown(firmware, TimedSetting("SIM_GPS_DISABLE", 1.0, 2.0))
+    events = flown(firmware, TimedSetting("SIM_GPS_DISABLE", 1.0, 2.0))
     assert firmware.sets == []
-    assert said == [(7.1, "SIM_GPS_DISABLE is not set to 1: the firmware has no SIM_GPS_DISABLE")]
+    assert events == [(7.1, "SIM_GPS_DISABLE is not set to 1: the firmware has no SIM_GPS_DISABLE")]
 
 
-def test_one_that_does_not_take_is_tried_again_and_said() -> None:
+def test_one_that_does_not_take_is_tried_again_and_reported() -> None:
     class Deaf(Px4):
         def keep(self, _name: str, _sent: float) -> None:
             pass
 
     firmware = Deaf(SIM_X=REAL32)
-    said = flown(firmware, TimedSetting("SIM_X", 1.5, 2.0))
-    assert said == [(2.0, "sets SIM_X = 1.5"), (7.1, "SIM_X did not take 1.5: it is 0")]
+    events = flown(firmware, TimedSetting("SIM_X", 1.5, 2.0))
+    assert events == [(2.0, "sets SIM_X = 1.5"), (7.1, "SIM_X did not take 1.5: it is 0")]
     assert len(firmware.sets) == round(GIVE_UP_S / AGAIN_S) + 1
 
 
 def test_a_fraction_for_a_whole_number_is_not_sent() -> None:
     for number, why in ((2.5, "it is a whole number"), (3e9, "no whole number of 32 bits")):
         firmware = Px4(EKF2_GPS_CTRL=INT32)
-        said = flown(firmware, TimedSetting("EKF2_GPS_CTRL", number, 2.0))
-        assert said == [(2.0, f"EKF2_GPS_CTRL is not set to {number:g}: {why}")]
+        events = flown(firmware, TimedSetting("EKF2_GPS_CTRL", number, 2.0))
+        assert events == [(2.0, f"EKF2_GPS_CTRL is not set to {number:g}: {why}")]
         assert firmware.sets == []
 
 
 def test_what_a_firmware_rounds_did_not_take() -> None:
-    said = flown(ArduPlane(FENCE_TYPE=INT8), TimedSetting("FENCE_TYPE", 2.5, 2.0))
-    assert said[-1] == (7.1, "FENCE_TYPE did not take 2.5: it is 2")
+    events = flown(ArduPlane(FENCE_TYPE=INT8), TimedSetting("FENCE_TYPE", 2.5, 2.0))
+    assert events[-1] == (7.1, "FENCE_TYPE did not take 2.5: it is 2")
 
 
 def test_one_parameter_changes_twice_in_the_order_of_time() -> None:
     firmware = Px4(A=INT32, B=REAL32)
-    said = flown(
+    events = flown(
         firmware,
         TimedSetting("A", 7.0, 4.0),
         TimedSetting("B", 0.5, 3.0),
         TimedSetting("A", 1.0, 2.0),
     )
-    assert said == [
+    assert events == [
         *((2.0, "sets A = 1"), (2.0, "A is 1")),
         *((3.0, "sets B = 0.5"), (3.0, "B is 0.5")),
         *((4.0, "sets A = 7"), (4.0, "A is 7")),
@@ -195,11 +195,11 @@ def test_the_next_value_does_not_wait_for_one_that_was_never_answered() -> None:
             return None if len(self.sets) == 1 else answer
 
     firmware = Forgetful(A=INT32)
-    said = flown(firmware, TimedSetting("A", 1.0, 2.0), TimedSetting("A", 0.0, 2.5))
-    assert [words for _, words in said] == [
+    events = flown(firmware, TimedSetting("A", 1.0, 2.0), TimedSetting("A", 0.0, 2.5))
+    assert [words for _, words in events] == [
         *("sets A = 1", "A did not take 1: it is 0", "sets A = 0", "A is 0")
     ]
-    assert said[-1][0] <= 2.6
+    assert events[-1][0] <= 2.6
 
 
 def test_what_others_ask_for_is_not_ours() -> None:

@@ -202,7 +202,7 @@ def test_surfaces_are_put_on_the_airframe_files_channels() -> None:
     assert sum(value for name, value in parameters.items() if "_TRQ_" in name) == 3.0
 
 
-def test_without_satellites_it_is_told_to_fuse_poses() -> None:
+def test_without_satellites_it_is_set_to_fuse_poses() -> None:
     without = flight_parameters(AIRFRAME, gps=False, by_sticks=False)
     assert (without["EKF2_EV_CTRL"], without["EKF2_HGT_REF"]) == (11, 3)
     assert (without["EKF2_MAG_TYPE"], without["EKF2_GPS_CTRL"]) == (5, 0)
@@ -250,7 +250,7 @@ def test_a_leg_through_a_real_px4(tmp_path: Path, route: str) -> None:
 @pytest.mark.parametrize("exempt", [True, False])
 def test_a_radio_that_is_lost_in_offboard_on_a_real_px4(tmp_path: Path, exempt: bool) -> None:
     """Set up as preflight asks, the module flies on.  Else PX4 circles, and the module disengages
-    from it: OFFBOARD does not come back to nobody when the radio does."""
+    from it: OFFBOARD does not return with the radio when nothing commands it."""
     fails_s = 30.0
     options = replace(
         leg(tmp_path, "px4", os.environ["TGL_SOAR_PX4"], "attitude", stay_s=30.0),
@@ -264,7 +264,7 @@ def test_a_radio_that_is_lost_in_offboard_on_a_real_px4(tmp_path: Path, exempt: 
     flight = fly(options, lambda _: None)
     after = flight.truth["time_s"] > fails_s
     modes = flight.truth["mode"][after]
-    said = (tmp_path / "module.log").read_text()
+    log = (tmp_path / "module.log").read_text()
     if exempt:
         assert (modes == MODE_OFFBOARD).all()
         assert flight.truth["flying"][after].all()
@@ -272,4 +272,4 @@ def test_a_radio_that_is_lost_in_offboard_on_a_real_px4(tmp_path: Path, exempt: 
     else:
         changes = modes[:1].tolist() + modes[1:][modes[1:] != modes[:-1]].tolist()
         assert changes == [MODE_OFFBOARD, MODE_HOLD]
-        assert "released: autopilot in failsafe" in said
+        assert "released: autopilot in failsafe" in log

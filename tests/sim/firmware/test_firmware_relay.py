@@ -42,11 +42,11 @@ class Firmware:
         self.relay.add_link(GROUND, ground=True)
         self.relay.add_link(COMPANION, ground=False)
 
-    def say(self, end: socket.socket, *messages: Any, codec: Any = None) -> None:
+    def send(self, end: socket.socket, *messages: Any, codec: Any = None) -> None:
         for message in messages:
             end.sendto(bytes(message.pack(codec or self.codec)), self.ours[end])
 
-    def heard(self, end: socket.socket) -> list[Any]:
+    def received(self, end: socket.socket) -> list[Any]:
         end.setblocking(False)
         found: list[Any] = []
         codec = mavlink.MAVLink(None)
@@ -97,7 +97,7 @@ def override(*pulses: int) -> Any:
 def test_a_link_answers_whoever_spoke_to_it_last() -> None:
     link = FirmwareLink(None)
     with udp() as first, udp() as second:
-        link.send(b"lost")  # nobody is known yet
+        link.send(b"lost")  # no peer is known yet
         first.sendto(b"one", link.local)
         assert link.receive() == b"one"
         link.send(b"to the first")
@@ -115,7 +115,7 @@ def test_a_link_answers_whoever_spoke_to_it_last() -> None:
     link.send(b"gone")
 
 
-def test_a_link_listens_where_it_is_told() -> None:
+def test_a_link_listens_at_the_port_it_is_given() -> None:
     with udp() as taken:
         port = taken.getsockname()
     link = FirmwareLink(None, port)
@@ -149,25 +149,25 @@ def test_nothing_is_known_before_the_firmware_speaks(firmware: Firmware) -> None
     assert relay.take_datagrams() == []
 
 
-def test_each_side_hears_its_own_link_of_the_firmware(firmware: Firmware) -> None:
+def test_each_side_receives_its_own_link_of_the_firmware(firmware: Firmware) -> None:
     relay = firmware.relay
     relay.add_link(OTHER_GROUND, ground=True)
-    firmware.say(firmware.ground, beat(1))
-    firmware.say(firmware.companion, beat(2), attitude(5))
+    firmware.send(firmware.ground, beat(1))
+    firmware.send(firmware.companion, beat(2), attitude(5))
     taken = relay.take_datagrams()
     assert [link for link, _ in taken] == [GROUND, COMPANION, COMPANION, OTHER_GROUND]
     assert taken[0][1] == taken[3][1] != taken[1][1]
     assert relay.take_datagrams() == []
-    firmware.say(firmware.ground, beat(1))
+    firmware.send(firmware.ground, beat(1))
     assert [link for link, _ in relay.take_datagrams([OTHER_GROUND])] == [OTHER_GROUND]
     assert [link for link, _ in relay.take_datagrams([GROUND, COMPANION])] == [GROUND]
 
 
-def test_a_link_that_is_gone_hears_nothing(firmware: Firmware) -> None:
+def test_a_link_that_is_gone_receives_nothing(firmware: Firmware) -> None:
     relay = firmware.relay
     relay.remove_link(GROUND)
-    relay.remove_link(GROUND)  # it may be told twice
-    firmware.say(firmware.ground, beat())
+    relay.remove_link(GROUND)  # a second removal does no harm
+    firmware.send(firmware.ground, beat())
     assert relay.take_datagrams() == []
     assert relay.custom_mode == 5  # the relay still listens
 
@@ -177,13 +177,13 @@ def test_what_comes_over_a_companions_link_goes_over_the_firmwares(firmware: Fir
     relay.receive(COMPANION, from_module(override()))
     relay.receive(GROUND, from_module(beat(), component=190))
     relay.receive(99, from_module(status(0), component=190))  # of no known link: a ground station's
-    kinds = [[m.get_type() for m in firmware.heard(end)] for end in (firmware.ground,)]
+    kinds = [[m.get_type() for m in firmware.received(end)] for end in (firmware.ground,)]
     assert kinds == [["HEARTBEAT", "SYS_STATUS"]]
-    assert [m.get_type() for m in firmware.heard(firmware.companion)] == ["RC_CHANNELS_OVERRIDE"]
+    assert [m.get_type() for m in firmware.received(firmware.companion)] == ["RC_CHANNELS_OVERRIDE"]
 
 
 def test_the_newest_heartbeat_of_the_firmware_is_shown_again(firmware: Firmware) -> None:
-    firmware.say(firmware.ground, beat(1), beat(9))
+    firmware.send(firmware.ground, beat(1), beat(9))
     firmware.relay.take_datagrams()
     firmware.relay.announce()
     shown = firmware.relay.take_datagrams()
@@ -216,7 +216,7 @@ def test_only_the_answer_to_its_own_question_goes_no_further(
     relay.receive(COMPANION, from_module(mavlink.MAVLink_timesync_message(*answer)))
     assert relay.timesync_answer_ns(COMPANION) == (0 if passes else 5_000)
     assert relay.timesync_answer_ns(GROUND) == 0
-    assert bool(firmware.heard(firmware.companion)) == passes
+    assert bool(firmware.received(firmware.companion)) == passes
 
 
 def test_heartbeats_are_counted_by_link(firmware: Firmware) -> None:
@@ -247,7 +247,7 @@ def test_a_ground_stations_sticks_command_no_surface(firmware: Firmware) -> None
     firmware.relay.receive(GROUND, from_module(override(), component=190))
     assert firmware.relay.commands == {}
     assert not firmware.relay.is_commanded
-    assert len(firmware.heard(firmware.ground)) == 1
+    assert len(firmware.received(firmware.ground)) == 1
 
 
 LEFT = 65535
@@ -256,7 +256,7 @@ LEFT = 65535
 @pytest.mark.parametrize(
     ("pulses", "commands"),
     [
-        ((0, 0, LEFT, 0, LEFT, LEFT, LEFT, LEFT), False),  # as the module lets go
+        ((0, 0, LEFT, 0, LEFT, LEFT, LEFT, LEFT), False),  # as the module disengages
         ((LEFT,) * 8, False),
         ((0, 0, LEFT, 1500, LEFT, LEFT, LEFT, LEFT), True),
         ((LEFT,) * 8 + (0, LEFT, 65534), False),  # beyond the eighth 0 leaves and 65534 releases
@@ -270,7 +270,7 @@ def test_who_gives_all_channels_back_commands_none(
     relay.receive(COMPANION, from_module(override(*pulses)))
     assert relay.is_commanded is commands
     assert relay.commands == ({"RC_CHANNELS_OVERRIDE": 1} if commands else {})
-    assert len(firmware.heard(firmware.companion)) == 1  # it is passed on all the same
+    assert len(firmware.received(firmware.companion)) == 1  # it is passed on all the same
 
 
 def test_it_is_commanded_for_a_tenth_of_a_second(firmware: Firmware) -> None:
@@ -298,31 +298,31 @@ def test_stations_that_are_not_taken_do_not_arrive(firmware: Firmware) -> None:
     relay.takes_stations = False
     relay.receive(GROUND, from_module(beat(), component=190))
     relay.greet()
-    assert firmware.heard(firmware.ground) == []
+    assert firmware.received(firmware.ground) == []
     relay.receive(COMPANION, from_module(override()))
-    kinds = [m.get_type() for m in firmware.heard(firmware.companion)]
+    kinds = [m.get_type() for m in firmware.received(firmware.companion)]
     assert kinds == ["HEARTBEAT", "RC_CHANNELS_OVERRIDE"]  # the greeting, and what is its own
 
 
 def test_the_pace_is_asked_for_in_microseconds(firmware: Firmware) -> None:
     firmware.relay.set_pace(GROUND)
     firmware.relay.set_pace(99)
-    assert firmware.heard(firmware.companion) == []
+    assert firmware.received(firmware.companion) == []
     firmware.relay.set_pace(COMPANION)
-    [asked] = firmware.heard(firmware.companion)
+    [asked] = firmware.received(firmware.companion)
     assert (asked.target_system, asked.target_component) == (SYSTEM, 1)
     assert (asked.command, asked.confirmation) == (511, 0)  # MAV_CMD_SET_MESSAGE_INTERVAL
     assert (asked.param1, asked.param2) == (31, 5000.0)
     rest = [asked.param3, asked.param4, asked.param5, asked.param6, asked.param7]
     assert rest == [0.0] * 5
-    assert firmware.heard(firmware.ground) == []
+    assert firmware.received(firmware.ground) == []
 
 
 def test_the_pace_may_be_slower_than_the_steps() -> None:
     firmware = Firmware(attitude_hz=50)
     assert (firmware.relay.attitude_hz, firmware.relay.step_hz) == (50, 200)
     firmware.relay.set_pace(COMPANION)
-    [asked] = firmware.heard(firmware.companion)
+    [asked] = firmware.received(firmware.companion)
     assert asked.param2 == 20000.0
     firmware.close()
 
@@ -332,39 +332,39 @@ def test_the_pace_may_be_slower_than_the_steps() -> None:
 
 def test_it_is_greeted_as_by_a_ground_station(firmware: Firmware) -> None:
     firmware.relay.greet()
-    [greeting] = firmware.heard(firmware.ground)
+    [greeting] = firmware.received(firmware.ground)
     assert (greeting.type, greeting.autopilot) == (6, 8)  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
     assert (greeting.base_mode, greeting.custom_mode, greeting.system_status) == (0, 0, 4)
     assert (greeting.get_srcSystem(), greeting.get_srcComponent()) == (SYSTEM, 240)
-    assert len(firmware.heard(firmware.companion)) == 1
+    assert len(firmware.received(firmware.companion)) == 1
 
 
 def test_the_companions_link_is_greeted_until_a_companion_has_spoken(firmware: Firmware) -> None:
     relay = firmware.relay
     relay.receive(GROUND, from_module(beat(), component=190))  # a station's does not count
-    firmware.heard(firmware.ground)
+    firmware.received(firmware.ground)
     relay.greet()
-    assert len(firmware.heard(firmware.companion)) == 1
+    assert len(firmware.received(firmware.companion)) == 1
     relay.receive(COMPANION, from_module(beat()))
-    firmware.heard(firmware.companion)
+    firmware.received(firmware.companion)
     relay.greet()
-    assert firmware.heard(firmware.companion) == []
-    assert len(firmware.heard(firmware.ground)) == 2  # one of each greeting
+    assert firmware.received(firmware.companion) == []
+    assert len(firmware.received(firmware.ground)) == 2  # one of each greeting
 
 
 def test_armed_and_mode_are_the_autopilots_own(firmware: Firmware) -> None:
     relay = firmware.relay
-    firmware.say(firmware.ground, beat(5, armed=True))
+    firmware.send(firmware.ground, beat(5, armed=True))
     relay.step(0.0)
     assert (relay.armed, relay.custom_mode) == (True, 5)
     gimbal = mavlink.MAVLink(None, SYSTEM, 154)
     other = mavlink.MAVLink(None, SYSTEM + 1, 1)
-    firmware.say(firmware.ground, beat(7), codec=gimbal)
-    firmware.say(firmware.ground, beat(8), codec=other)
-    firmware.say(firmware.companion, beat(9))  # nothing is learnt there
+    firmware.send(firmware.ground, beat(7), codec=gimbal)
+    firmware.send(firmware.ground, beat(8), codec=other)
+    firmware.send(firmware.companion, beat(9))  # nothing is learnt there
     relay.step(0.0)
     assert (relay.armed, relay.custom_mode) == (True, 5)
-    firmware.say(firmware.ground, beat(0))
+    firmware.send(firmware.ground, beat(0))
     relay.step(0.0)
     assert (relay.armed, relay.custom_mode) == (False, 0)
 
@@ -372,7 +372,7 @@ def test_armed_and_mode_are_the_autopilots_own(firmware: Firmware) -> None:
 def test_it_is_ready_when_all_that_it_needs_is_healthy() -> None:
     firmware = Firmware(ready=0b110)
     for health, ready in ((0b111, True), (0b100, False), (0b110, True), (0b1000, False)):
-        firmware.say(firmware.ground, status(health))
+        firmware.send(firmware.ground, status(health))
         firmware.relay.step(0.0)
         assert firmware.relay.ready == ready
     firmware.close()
@@ -380,13 +380,13 @@ def test_it_is_ready_when_all_that_it_needs_is_healthy() -> None:
 
 def test_usually_the_checks_before_arming_are_what_it_needs(firmware: Firmware) -> None:
     for health, ready in ((1 << 28, True), (~(1 << 28) & 0x7FFFFFFF, False)):
-        firmware.say(firmware.ground, status(health))
+        firmware.send(firmware.ground, status(health))
         firmware.relay.step(0.0)
         assert firmware.relay.ready == ready
 
 
-def test_what_it_says_is_reported_once_and_remembered(firmware: Firmware) -> None:
-    firmware.say(firmware.ground, mavlink.MAVLink_statustext_message(6, b"EKF3 is ready"))
+def test_a_text_is_reported_once_and_remembered(firmware: Firmware) -> None:
+    firmware.send(firmware.ground, mavlink.MAVLink_statustext_message(6, b"EKF3 is ready"))
     firmware.relay.step(0.0)
     assert firmware.relay.take_events() == ["it reports: EKF3 is ready"]
     assert firmware.relay.take_events() == []
@@ -403,14 +403,14 @@ def test_its_questions_for_the_mission_are_answered(firmware: Firmware) -> None:
         height_m=10.0,
     )
     request = mavlink.MAVLink_mission_request_int_message(SYSTEM, 240, 0)
-    firmware.say(firmware.ground, request)
+    firmware.send(firmware.ground, request)
     firmware.relay.step(0.0)
-    assert firmware.heard(firmware.ground) == []  # there is no mission
+    assert firmware.received(firmware.ground) == []  # there is no mission
     firmware.relay.mission = MissionUpload((item,), SYSTEM)
     acknowledged = mavlink.MAVLink_mission_ack_message(SYSTEM, 240, 0)
-    firmware.say(firmware.ground, request, acknowledged)
+    firmware.send(firmware.ground, request, acknowledged)
     firmware.relay.step(0.0)
-    [answer] = firmware.heard(firmware.ground)
+    [answer] = firmware.received(firmware.ground)
     assert (answer.get_type(), answer.seq, answer.x) == ("MISSION_ITEM_INT", 0, 520000000)
     assert firmware.relay.mission.accepted
 
@@ -422,8 +422,8 @@ def test_the_companions_link_is_kept_both_ways_with_the_time_of_each_step(
     kept = relay.record = io.BytesIO()
     for _ in range(3):
         relay.step(0.0)
-    firmware.say(firmware.companion, attitude(7), attitude(8))
-    firmware.say(firmware.ground, beat())
+    firmware.send(firmware.companion, attitude(7), attitude(8))
+    firmware.send(firmware.ground, beat())
     relay.step(0.0)
     relay.receive(COMPANION, from_module(override()))
     data = kept.getvalue()
@@ -462,7 +462,7 @@ class Waiting:
         self._now += 0.03
         if len(self.waits) in self.comes:
             time_ms = self.comes[len(self.waits)]
-            self._firmware.say(self._firmware.companion, attitude(time_ms))
+            self._firmware.send(self._firmware.companion, attitude(time_ms))
 
 
 @pytest.fixture
@@ -471,7 +471,7 @@ def waiting(firmware: Firmware, monkeypatch: pytest.MonkeyPatch) -> Waiting:
 
 
 def streamed(firmware: Firmware, *times_ms: int) -> None:
-    firmware.say(firmware.companion, *(attitude(time_ms) for time_ms in times_ms))
+    firmware.send(firmware.companion, *(attitude(time_ms) for time_ms in times_ms))
 
 
 def test_a_step_waits_for_an_attitude_that_is_late_for_50_ms_at_most(
@@ -503,7 +503,7 @@ def test_the_attitude_that_comes_ends_the_wait(firmware: Firmware, waiting: Wait
         ((900,), 0),  # one attitude is no stream
         ((900, 921), 0),  # further apart than 20 ms: no stream to wait for
         ((900, 920), 2),
-        ((920, 900), 0),  # time went back: it has booted anew
+        ((920, 900), 0),  # time went back: it has rebooted
     ],
 )
 def test_only_a_stream_is_waited_for(
@@ -525,9 +525,9 @@ def test_a_firmware_without_threads_is_not_waited_for(monkeypatch: pytest.Monkey
 
 def test_other_messages_and_old_frames_set_no_pace(firmware: Firmware, waiting: Waiting) -> None:
     for time_ms in (900, 905):
-        firmware.say(firmware.companion, mavlink.MAVLink_attitude_message(time_ms, *[0.0] * 6))
+        firmware.send(firmware.companion, mavlink.MAVLink_attitude_message(time_ms, *[0.0] * 6))
         frame = attitude(time_ms).pack(mavlink.MAVLink(None, SYSTEM, 1), force_mavlink1=True)
         firmware.companion.sendto(bytes(frame), firmware.ours[firmware.companion])
-        firmware.say(firmware.ground, attitude(time_ms))  # of the other link
+        firmware.send(firmware.ground, attitude(time_ms))  # of the other link
     firmware.relay.step(1.0)
     assert waiting.waits == []

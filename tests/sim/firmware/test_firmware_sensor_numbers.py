@@ -178,13 +178,13 @@ def test_a_fix_is_at_the_place_of_the_position_sensor_with_its_velocity() -> Non
     """North by a degree's 110.9 km at 33 degrees south, east by 93.5 km."""
     world = held_world()
     sensors = FirmwareSensors(world, HILL, 1)
-    seen = 0
+    fixes = 0
     for _ in range(40):
         world.step(SurfaceCommand(0.0, 0.0, 0.0))
         gps = sensors.read().gps
         if gps is None:
             continue
-        seen += 1
+        fixes += 1
         fix = world.position
         assert gps.latitude_deg == pytest.approx(-33.0 + fix.north_m / 110_909.0, abs=2e-8)
         assert gps.longitude_deg == pytest.approx(151.0 + fix.east_m / 93_453.0, abs=2e-8)
@@ -194,7 +194,7 @@ def test_a_fix_is_at_the_place_of_the_position_sensor_with_its_velocity() -> Non
             fix.velocity_east_mps,
             fix.velocity_down_mps,
         )
-    assert seen == 4
+    assert fixes == 4
 
 
 def test_the_truth_is_in_local_ned() -> None:

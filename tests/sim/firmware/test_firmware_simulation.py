@@ -48,7 +48,7 @@ class FakePhysics:
         self.sticks: list[Sticks] = []
         self.closed = False
 
-    def helped(self, _readings: Readings, _said: Collection[str]) -> None:
+    def helped(self, _readings: Readings, _reported: Collection[str]) -> None:
         return None
 
     def exchange(self, readings: Readings, sticks: Sticks) -> SurfaceCommand:
@@ -86,7 +86,7 @@ class FakeLinks:
         self.relay.command(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
         _, self._relays_ground = self.ground.recvfrom(4096)
 
-    def say(self, *messages: Any) -> None:
+    def send(self, *messages: Any) -> None:
         """On the link to a ground station."""
         for message in messages:
             self.ground.sendto(bytes(message.pack(self.codec)), self._relays_ground)
@@ -164,27 +164,27 @@ def test_the_launch_goes_step_by_step(links: FakeLinks) -> None:
 
     assert "waiting for Fake to boot" in steps(1)[0]
     assert not sim.booted
-    links.say(heartbeat(3, armed=False), sys_status(ready=False))
+    links.send(heartbeat(3, armed=False), sys_status(ready=False))
     assert any("has booted" in event for event in steps(3))
     assert sim.booted
     assert steps(STEP_HZ) == []  # not aligned, so nothing is asked
     links.received(links.ground)
-    links.say(sys_status(ready=True))
+    links.send(sys_status(ready=True))
     assert "aligned: arming it" in steps(3)
     steps(STEP_HZ)
     asked = [m for m in links.received(links.ground) if m.get_type() == "COMMAND_LONG"]
     assert [(m.command, m.param2) for m in asked] == [(mavlink.MAV_CMD_DO_SET_MODE, MANUAL)]
-    links.say(heartbeat(MANUAL, armed=False))
+    links.send(heartbeat(MANUAL, armed=False))
     steps(STEP_HZ + 1)
     asked = [m for m in links.received(links.ground) if m.get_type() == "COMMAND_LONG"]
     assert [(m.command, m.param1) for m in asked] == [(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)]
-    links.say(heartbeat(MANUAL, armed=True))
+    links.send(heartbeat(MANUAL, armed=True))
     assert any("held until a companion" in event for event in steps(3))
     relay.receive(COMPANION, from_companion(attitude_target()))
     assert steps(3) == []  # commanded, but in no mode that obeys
     assert sim.world.held
     relay.receive(COMPANION, from_companion(attitude_target()))
-    links.say(heartbeat(OBEYS, armed=True))
+    links.send(heartbeat(OBEYS, armed=True))
     assert any("launched: it obeys SET_ATTITUDE_TARGET" in event for event in steps(3))
     assert sim.flying
     assert physics.sticks[-1].deflections == (0.0, 0.0, 0.0, 0.0)
@@ -195,11 +195,11 @@ def test_the_launch_goes_step_by_step(links: FakeLinks) -> None:
 
 def test_the_pilot_flies_when_the_companion_falls_silent(links: FakeLinks) -> None:
     sim, physics = simulation(links)
-    links.say(heartbeat(MANUAL, armed=True), sys_status(ready=True))
+    links.send(heartbeat(MANUAL, armed=True), sys_status(ready=True))
     for _ in range(5):
         sim.step()
     links.relay.receive(COMPANION, from_companion(attitude_target()))
-    links.say(heartbeat(OBEYS, armed=True))
+    links.send(heartbeat(OBEYS, armed=True))
     for _ in range(3):
         sim.step()
     assert sim.flying
@@ -230,17 +230,17 @@ def test_the_pilots_transmitter_and_the_stations_can_fall_silent(links: FakeLink
         "transmitter.failsafe start=0.3 for=0.1",
         "station.silent start=0.1 for=0.1",
     )
-    seen = []
+    station_received = []
     station = bytes(heartbeat(0, armed=False).pack(mavlink.MAVLink(None, 254, 190)))
     links.received(links.ground)
     for _ in range(STEP_HZ // 2):
         sim.step()
         sim.receive(GROUND, station)
-        seen.append(any(m.get_srcSystem() == 254 for m in links.received(links.ground)))
+        station_received.append(any(m.get_srcSystem() == 254 for m in links.received(links.ground)))
     signals = [sticks.signal for sticks in physics.sticks]
     for after_s, signal in ((0.05, 0), (0.15, NO_PULSES), (0.25, 0), (0.35, THROTTLE_LOW)):
         assert signals[round(after_s * STEP_HZ)] == signal
-        assert seen[round(after_s * STEP_HZ)] == (signal != NO_PULSES)
+        assert station_received[round(after_s * STEP_HZ)] == (signal != NO_PULSES)
     assert signals[-1] == 0
     sim.close()
 
@@ -252,9 +252,9 @@ def test_a_parameter_of_the_firmware_is_set_in_flight(links: FakeLinks) -> None:
     links.received(links.ground)
     sim.step()
     assert links.received(links.ground) == []  # it has not booted
-    links.say(heartbeat(MANUAL, armed=True))
+    links.send(heartbeat(MANUAL, armed=True))
     kinds = {"SIM_A": mavlink.MAV_PARAM_TYPE_INT32, "SIM_B": mavlink.MAV_PARAM_TYPE_REAL32}
-    said, events = [], []
+    settings, events = [], []
     for step in range(1, STEP_HZ // 2):
         sim.step()
         events += sim.take_events()
@@ -263,12 +263,12 @@ def test_a_parameter_of_the_firmware_is_set_in_flight(links: FakeLinks) -> None:
             if not name:
                 continue
             value = message.param_value if message.get_type() == "PARAM_SET" else 0.0
-            links.say(mavlink.MAVLink_param_value_message(name.encode(), value, kinds[name], 2, 0))
+            links.send(mavlink.MAVLink_param_value_message(name.encode(), value, kinds[name], 2, 0))
             if message.get_type() == "PARAM_SET":
-                said.append((name, value, message.param_type, step / STEP_HZ))
+                settings.append((name, value, message.param_type, step / STEP_HZ))
     one = struct.unpack("<f", struct.pack("<i", 1))[0]
-    assert [each[:3] for each in said] == [("SIM_A", one, 6), ("SIM_B", 2.0, 9)]
-    assert [at_s for *_, at_s in said] == pytest.approx([0.1, 0.2], abs=0.01)
+    assert [each[:3] for each in settings] == [("SIM_A", one, 6), ("SIM_B", 2.0, 9)]
+    assert [at_s for *_, at_s in settings] == pytest.approx([0.1, 0.2], abs=0.01)
     words = [event for event in events if "SIM_" in event]
     assert words == ["sets SIM_A = 1", "SIM_A is 1", "sets SIM_B = 2", "SIM_B is 2"]
     sim.close()
@@ -302,10 +302,10 @@ def test_what_passes_the_companions_link_can_be_kept(links: FakeLinks, tmp_path:
     assert kept[8:] == from_companion(attitude_target())
 
 
-def test_all_peers_hear_their_side_of_the_firmware(links: FakeLinks) -> None:
+def test_all_peers_receive_their_side_of_the_firmware(links: FakeLinks) -> None:
     relay = links.relay
     relay.add_link(9, ground=True)
-    links.say(heartbeat(MANUAL, armed=True))
+    links.send(heartbeat(MANUAL, armed=True))
     taken = relay.take_datagrams()
     assert sorted(link for link, _ in taken) == [GROUND, 9]
     relay.announce()

@@ -1,4 +1,4 @@
-"""What PX4 is told at every step, number by number, and what it is set to before a flight, with
+"""What PX4 is sent at every step, number by number, and what it is set to before a flight, with
 the reason for each parameter."""
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def answer(controls: list[float], *, armed: bool = True) -> bytes:
     return bytes(mavlink.MAVLink_hil_actuator_controls_message(0, controls, mode, 0).pack(codec))
 
 
-def heard(client: socket.socket) -> list[Any]:
+def received(client: socket.socket) -> list[Any]:
     codec = mavlink.MAVLink(None)
     return list(codec.parse_buffer(bytearray(client.recv(65536))) or ())
 
@@ -153,7 +153,7 @@ def test_a_fix_goes_with_the_step_that_has_it(physics: Px4Physics, client: socke
     ):
         client.sendall(answer([0.0]))
         physics.exchange(READINGS._replace(gps=gps), NO_STICKS)
-        messages = heard(client)
+        messages = received(client)
         assert [message.get_type() for message in messages] == kinds
         assert all((m.get_srcSystem(), m.get_srcComponent()) == (1, 1) for m in messages)
         for message in messages:
@@ -171,7 +171,7 @@ def test_without_a_signal_the_receiver_sends_nothing(
 ) -> None:
     client.sendall(answer([0.0]))
     physics.exchange(READINGS, NO_STICKS._replace(signal=signal))
-    assert [message.get_type() for message in heard(client)] == ["HIL_SENSOR"]
+    assert [message.get_type() for message in received(client)] == ["HIL_SENSOR"]
 
 
 def test_closed_it_leaves_its_firmware_and_its_port(
