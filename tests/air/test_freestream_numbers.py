@@ -1,4 +1,4 @@
-"""The exact jet: how far its net reaches, how finely, and what is said where there is none."""
+"""The exact jet: how far its net reaches, how finely, and the message where there is none."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def net(request: pytest.FixtureRequest) -> FreeJetMap:
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
 def test_a_jet_of_another_size_is_the_same_jet(scale: float) -> None:
-    jet = solve_free_jet(SLOPE, HEIGHT, BOARD, AHEAD)  # vented, where nothing is said
+    jet = solve_free_jet(SLOPE, HEIGHT, BOARD, AHEAD)  # vented by default
     assert jet == solved()
     other = solve_free_jet(SLOPE, scale * HEIGHT, scale * BOARD, scale * AHEAD)
     assert (other.lip, other.tip, other.nozzle_speed) == pytest.approx(
@@ -115,7 +115,7 @@ def test_speeds_are_the_nozzles_far_up_and_follow_the_board_along_it(ratio: floa
 
 
 def test_the_net_reaches_as_far_as_it_is_asked_to(net: FreeJetMap) -> None:
-    """Upstream to within the blockage's share, downstream past it and not beyond a half more."""
+    """Upstream to within the blockage's fraction, downstream past it and not beyond a half more."""
     x = net.place.real
     assert x[0] == pytest.approx(-UPSTREAM, rel=0.15)
     assert x[-1].min() > DOWNSTREAM * cos(SLOPE)
@@ -191,7 +191,7 @@ def test_any_shape_of_places_is_answered_in_its_own(net: FreeJetMap) -> None:
 
 
 def test_in_a_straight_jet_the_net_is_a_grid_of_rectangles() -> None:
-    """Two metres high, at the speed 1: the potential is the way, and its share the height."""
+    """Two metres high, at the speed 1: the potential is the way, and its fraction the height."""
     almost = STRAIGHT._replace(slope_rad=1e-9)
     net = FreeJetMap(almost, 3.0, 5.0)
     x, z = net.place.real, net.place.imag

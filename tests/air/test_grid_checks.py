@@ -151,7 +151,7 @@ def test_few_nodes_are_not_judged() -> None:
 def test_less_sources_than_half_of_what_changes_along_are_taken() -> None:
     """Of u = 9 + x, w = -k z the sources are 1 - k; along x alone they are 1."""
     axes, (u, w) = plane()
-    axes[1], u, w = axes[1][:7], u[:, :7], w[:, :7]  # not square: nobody swaps its nodes
+    axes[1], u, w = axes[1][:7], u[:, :7], w[:, :7]  # not square: its axes cannot be swapped
     for k in (0.55, 1.45):
         judge(axes, [u, k * w])
     # Sources of 1.3, and of 0.7 with an axis turned round, which is more than half of it.
@@ -183,7 +183,7 @@ def test_what_is_as_bad_turned_round_is_taken() -> None:
 
 @pytest.mark.parametrize("solid", [1, 2, 3, 4])
 def test_only_nodes_with_air_all_round_are_judged(solid: int) -> None:
-    """Of six rows one is solid; what stands in it is nobody's wind."""
+    """Of six rows one is solid; the values inside it are no wind."""
     axes, (u, w) = plane()
     axes, u, w = [axes[0][:6], axes[1][:7]], u[:6, :7].copy(), w[:6, :7]
     air = np.ones(u.shape, dtype=bool)
@@ -198,7 +198,7 @@ def test_only_nodes_with_air_all_round_are_judged(solid: int) -> None:
 
 
 def test_edges_are_not_judged() -> None:
-    """A wind that goes up and down from node to node is seen by differences of one side alone,
+    """A wind that goes up and down from node to node shows in one-sided differences alone,
     which the edges have: 18 of these 30 nodes."""
     axes = [np.arange(5.0), np.arange(6.0)]
     i, k = np.meshgrid(*axes, indexing="ij")

@@ -82,7 +82,7 @@ def test_without_a_place_it_is_made_each_time(folder: Path) -> None:
 
 
 def test_those_not_used_for_longest_are_deleted(folder: Path) -> None:
-    assert KEPT == 16  # of a megabyte each: what somebody's home has for them
+    assert KEPT == 16  # of a megabyte each: what a user's cache may take
     folder.mkdir(parents=True)
     for age in range(KEPT + 2):
         (folder / f"{age}").touch()

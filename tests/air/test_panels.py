@@ -70,7 +70,7 @@ def test_no_air_goes_through_a_ground_of_any_shape() -> None:
     field = PanelField(x, z, WIND)
     middle = 0.5 * (x[1:] + x[:-1])
     rise = np.diff(z) / np.diff(x)
-    # A tenth of a panel above the middles: elsewhere the strengths' steps are felt.
+    # A tenth of a panel above the middles: elsewhere the steps of the strengths show.
     u, _, w = field.wind(middle, 0.0, 0.5 * (z[1:] + z[:-1]) + 0.25)
     through = (w - u * rise) / np.hypot(1.0, rise)
     # Along the streamline a tenth of a panel up the slope differs by that of the curvature there:

@@ -41,7 +41,7 @@ def veers(wind: SyntheticWind, seed: int = 1) -> FloatArray:
 
 
 def missing(wind: SyntheticWind, seed: int) -> FloatArray:
-    """The share of the mean wind that lulls take away."""
+    """The fraction of the mean wind that lulls take away."""
     without = speeds(wind._replace(lulls_per_hour=0.0), seed)
     return (without - speeds(wind, seed)) / wind.mean_mps
 
@@ -106,7 +106,7 @@ def test_the_fastest_wave_is_the_multiple_nearest_to_what_is_asked(asked: float,
 
 
 def test_waves_begin_at_any_phase() -> None:
-    """Of 720 waves each twelfth of a turn has its share, 60 ± 7."""
+    """Of 720 waves each twelfth of a turn has its part, 60 ± 7."""
     wind = FEW._replace(duration_s=14400.0, fastest_hz=0.05, row_s=8.0)
     for values in (speeds(wind), np.tan(veers(wind))):
         phases = np.angle(np.fft.rfft(values[:-1]))[1:721]
@@ -157,7 +157,7 @@ LULL = FEW._replace(
 
 
 def one_lull() -> tuple[FloatArray, FloatArray]:
-    """Times and shares of the first record with one lull that is whole."""
+    """Times and fractions of the first record with one lull that is whole."""
     for seed in range(100):
         fraction = missing(LULL, seed)
         on = np.flatnonzero(fraction > 1e-9)

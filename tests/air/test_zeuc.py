@@ -168,7 +168,7 @@ def test_in_an_oblique_wind_sliding_changes_the_airspeed_by_less(
 ) -> None:
     """ṡ sin η = w − sink(√((u − ṡ cos η)² + v²)), solved beside the upper crossing.
 
-    Only the wind's share along x, cos 30°, counts: returning ends at tan η = 0.5 cos 30°, 23.4°,
+    Only the wind's part along x, cos 30°, counts: returning ends at tan η = 0.5 cos 30°, 23.4°,
     and not at atan 0.5, 26.6°.
     """
     eta, askew = radians(eta_deg), Dome(1.0, oblique_rad=radians(30.0))
@@ -251,7 +251,7 @@ def test_undefined_outside_the_polar_and_the_field() -> None:
 
 
 def test_a_wind_from_behind_is_no_airspeed() -> None:
-    """Who stands in it would fly backwards: no place of the contour, however it lifts."""
+    """An aircraft at rest in it would fly backwards: no place of the contour, however it lifts."""
     behind = Dome(1.0, oblique_rad=pi)
     assert isnan(excess_at(behind, LEVEL, 0.3, 0.2))
     assert np.isnan(excess_updraft(behind, LEVEL, 0.3, 0.2))

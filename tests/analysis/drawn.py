@@ -1,11 +1,11 @@
 """What figures, claims and tables show, as numbers and words: what is drawn and where, not in what
 style; the text of a claim, with the threshold that stands in it, and whether it holds.
 
-    TGL_SOAR_KEEP_DRAWN=1 pytest -n 0 tests/analysis    keeps them anew
+    TGL_SOAR_KEEP_DRAWN=1 pytest -n 0 tests/analysis    records them again
 
 `drawn.json` holds what those of some tests showed the last time.  It says that something has
 changed, not what is right.  Whoever changes a figure, a threshold or what flies in it on purpose
-keeps them anew.
+records them again.
 """
 
 from __future__ import annotations

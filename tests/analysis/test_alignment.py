@@ -41,7 +41,7 @@ def test_exact_points_give_the_exact_alignment(
 
 
 def test_noise_gives_the_uncertainty_that_is_reported() -> None:
-    """Of many alignments from points with 2 mm of noise, the yaw scatters as is told."""
+    """Of many alignments from points with 2 mm of noise, the yaw scatters as is reported."""
     gauss = random.Random(3).gauss
     hall = HallFrame(
         z_up=False, yaw_rad=0.4, origin_north_m=1.0, origin_east_m=2.0, origin_down_m=0.1

@@ -193,7 +193,7 @@ def test_mirrored_sides_and_heights_are_named_though_points_are_measured_badly()
 def test_a_mistake_is_named_where_without_it_less_than_half_is_left(
     fraction: float, named: bool
 ) -> None:
-    """Heights upside down and flattened to a share: 1 + share is missed, and 1 - share without.
+    """Heights upside down, flattened to a fraction f: 1 + f is missed, and 1 - f without.
 
     They are small beside the sides, so that the distances are still alike.
     """

@@ -65,7 +65,7 @@ def test_the_model_that_flew_is_found_again() -> None:
 
 
 def test_another_delay_is_told_apart() -> None:
-    later = replace(log(), elevator=np.roll(log().elevator, -1))  # told a step earlier
+    later = replace(log(), elevator=np.roll(log().elevator, -1))  # logged a step earlier
     result = identify(later, truth()[1])
     assert result["delay"].value == pytest.approx(found()["delay"].value + 0.01, abs=0.002)
 
@@ -73,7 +73,7 @@ def test_another_delay_is_told_apart() -> None:
 def test_a_touch_of_the_stick_before_a_doublet_is_none() -> None:
     elevator = log().elevator.copy()
     begin = manoeuvres(log())[2].start
-    elevator[begin - 100 : begin - 95] += 0.03  # a second before it: seen by both
+    elevator[begin - 100 : begin - 95] += 0.03  # a second before it: detected by both
     assert manoeuvres(replace(log(), elevator=elevator)) == manoeuvres(log())
 
 

@@ -54,7 +54,7 @@ def test_from_a_brake_that_goes_out_and_back(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", DRAWN)
 def test_from_glides_with_it_and_without(seed: int) -> None:
-    """Nobody has seen it move: only what was glided with it still and out counts."""
+    """It does not move in the log: only glides with it still and out count."""
     log = longitudinal(flown(seed, 0), WIND)
     assert log.brake is not None
     still = log.brake.copy()
@@ -100,7 +100,7 @@ def test_drag_from_glides_with_it_and_without() -> None:
         logged(list(fly(PLANE, seed=SEEDS[1], brakes=(0.0, 1.0), doublets=0, pulses=0))), WIND
     )
     found = {each.name: each for each in drag_of(stretches, BODY)}
-    # Sink is told within 1.3 % of itself, of which the three share.
+    # Sink is known within 1.3 % of itself; the three share that error.
     assert found["CD0"].value == pytest.approx(PLANE.model["CD0"], rel=0.04)
     assert found["CD_lift"].value == pytest.approx(PLANE.model["CD_lift"], rel=0.06)
     assert found["CD_brake"].value == pytest.approx(PLANE.model["CD_brake"], rel=0.06)

@@ -153,7 +153,7 @@ def test_units_are_those_of_the_equations() -> None:
 
 
 def test_the_short_period_is_that_of_the_linear_equations() -> None:
-    """Eigenvalues of the equations' own derivatives, at the speed that is told."""
+    """Eigenvalues of the equations' own derivatives, at the speed that is reported."""
     result = found()
     v, s, c = result.airspeed_mps, BODY.wing_area_m2, BODY.chord_m
     assert v == pytest.approx(9.0, abs=0.3)

@@ -33,7 +33,7 @@ STEPS = (40, 25)
 
 
 def flown(brake: bool = False, seed: int = 1, lift: bool = True, **changes: Any) -> LongitudinalLog:
-    """Measurements that are nobody's flight; smooth, but for the stick."""
+    """Measurements of no real flight; smooth, but for the stick."""
     time_s = np.arange(COUNT) * STEP_S
     random = np.random.default_rng(seed)
     stick = np.where((time_s * 7.0).astype(int) % 3 == 0, 0.1, -0.05)

@@ -174,7 +174,7 @@ def test_what_nothing_moves_is_left_out_and_what_grows_is_not() -> None:
 def test_the_rule_on_board_knows_what_the_roll_damps_of_the_yaw(speed_mps: float) -> None:
     """A servo of 80 ms and a link of 40, the yaw inertia and C_nr less by 30 %, C_nβ more: what is
     left of the rudder's damping is little, and the nose's own, by way of the roll (C_lr, C_lβ and
-    C_np), is what holds the margin.  Without these the rule would doubt."""
+    C_np), is what holds the margin.  Without these the rule would refuse it."""
     model = AIRFRAME.model
     nimble = replace(
         AIRFRAME,

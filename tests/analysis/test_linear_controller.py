@@ -1,4 +1,4 @@
-"""The linear controller against one that is written down anew, sample by sample, and its filter
+"""The linear controller against a second implementation, sample by sample, and its filter
 against the Riccati equation."""
 
 from __future__ import annotations

@@ -234,7 +234,7 @@ def test_without_noise_a_flight_shows_the_linear_models_loop(
         assert found.margins.phase_deg.value == pytest.approx(expected.phase_deg, abs=5.0)
         assert found.margins.alpha.value == pytest.approx(expected.alpha, abs=0.05)
         assert found.margins.gain_db.value == pytest.approx(expected.gain_up_db, abs=1.0)
-    else:  # crossed, and least, beyond the last tone: that is not told at all
+    else:  # crossed, and least, beyond the last tone: that is not reported at all
         assert expected.at_radps > TONES_RADPS[-1]
         assert all(isnan(bounded.value) for bounded in found.margins)
 

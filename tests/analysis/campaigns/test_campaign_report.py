@@ -125,7 +125,7 @@ def test_two_campaigns_stand_beside_one_another(folder: Path, another: Path) -> 
 
 @pytest.mark.parametrize(
     ("fractions", "difference"),
-    [  # Newcombe's examples (a) to (h) and what his method 10 makes of them.
+    [  # Newcombe's examples (a) to (h) and the intervals of method 10.
         (((56, 70), (48, 80)), (0.0524, 0.3339)),
         (((9, 10), (3, 10)), (0.1705, 0.8090)),
         (((6, 7), (2, 7)), (0.0582, 0.8062)),

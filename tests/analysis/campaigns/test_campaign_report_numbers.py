@@ -1,5 +1,5 @@
 """A campaign's report, one number after the other: quantiles, groups at most, which columns are
-looked at where nobody says, and how a value is called."""
+looked at by default, and how a value is called."""
 
 from __future__ import annotations
 

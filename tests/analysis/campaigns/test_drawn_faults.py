@@ -144,7 +144,7 @@ def test_a_command_that_is_not_sent_is_none() -> None:
     check = CommandCheck(place().values, 0.005)
     check.look(sent(SurfaceCommand(1.0, 0.0, 0.0)))
     check.look(sent(SurfaceCommand(nan, nan, nan), active=False))
-    check.look(sent(SurfaceCommand(-1.0, 0.0, 0.0)))  # engaged anew, from anywhere
+    check.look(sent(SurfaceCommand(-1.0, 0.0, 0.0)))  # engaged again, from anywhere
     assert check.bad == 0
 
 

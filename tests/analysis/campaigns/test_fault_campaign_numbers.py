@@ -253,7 +253,7 @@ def test_no_surface_may_leave_its_travel_or_move_faster_than_it_may(
 
 
 class Loop:
-    """A flight that is told how each tick ends."""
+    """A flight with scripted ticks."""
 
     ticks: Sequence[Any] = ()
     crash_at = 10**9
@@ -343,7 +343,7 @@ def test_who_hits_something_is_lost_by_what_it_hit(monkeypatch: pytest.MonkeyPat
     assert loop.count == 70
     assert (found.result, found.reason, found.error) == ("lost", "hit the board", "")
     released = [*[output()] * 69, output(RELEASED, REASON_NOWHERE)]
-    assert flown(monkeypatch, released, crash_at=70)[0].result == "released"  # it had let go
+    assert flown(monkeypatch, released, crash_at=70)[0].result == "released"  # it had disengaged
 
 
 def test_who_is_on_the_way_back_flies_in_that_mode(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""A long flight by its parts: what the wire takes, when the clock wraps, what is told of each part,
+"""A long flight by its parts: what the wire takes, when the clock wraps, the report of each part,
 and what ends it."""
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ def test_before_it_engages_nothing_ends_it(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_what_is_hit_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     flight, _ = flown(monkeypatch, lambda _t: (True, SOARING, 0.0), duration_s=60.0)
-    assert " at x " in flight.ended  # nobody steers: it leaves the air, or hits something
+    assert " at x " in flight.ended  # without control it leaves the air, or hits something
     assert flight.expected_ticks < 2000
 
 

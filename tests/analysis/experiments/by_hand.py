@@ -50,7 +50,7 @@ def flight(
     seed: int = 1,
     path: dict[str, NDArray[np.float64]] | None = None,
 ) -> FlownScenario:
-    """A flight of these legs; its path: at an incidence far below the stall, unless told."""
+    """A flight of these legs; its path: at an incidence far below the stall by default."""
     until_s = max((each.end_s for each in legs), default=1.0)
     calm = {"time_s": np.array([0.0, until_s]), "alpha_rad": np.zeros(2)}
     return FlownScenario(
@@ -82,7 +82,7 @@ def crossing_along(prepared: PreparedScenario, line: str, time_s: float) -> floa
 
 
 class ScriptedFlyer(Flyer):
-    """Flies nothing: of each job it gives what it was told, and keeps the jobs."""
+    """Flies nothing: of each job it returns a scripted result, and keeps the jobs."""
 
     def __init__(self, answer: Callable[[Any], Any]) -> None:
         super().__init__()
@@ -91,7 +91,7 @@ class ScriptedFlyer(Flyer):
         self.jobs: list[Any] = []
 
     def each(self, fly: Callable[[Any], Any], jobs: Iterable[Any], **_: bool) -> list[Any]:
-        """What it was told of each."""
+        """The scripted results, one for each job."""
         queue = list(jobs)
         self.jobs += queue
         self.by.append(fly.__name__)

@@ -1,4 +1,4 @@
-"""Flights that nobody flew: for each job what its function would return, with numbers drawn from
+"""Made-up flights: for each job what its function would return, with numbers drawn from
 the job, so that an experiment concludes from them in a moment what would else take hours.
 
 A made-up flight is as a flight could be: a sixth are lost and say by what, errors are centimetres,

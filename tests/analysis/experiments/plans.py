@@ -1,10 +1,10 @@
 """What each experiment would fly first: how many flights, of which seeds, how long, in which air;
 and what a campaign draws faults from.
 
-    python tests/analysis/experiments/plans.py        keeps them anew
+    python tests/analysis/experiments/plans.py        records them again
 
 `plans.json` holds the plans of the last time.  A published figure is one of so many flights, of
-these seeds, so long, in this air: whoever changes that on purpose keeps the plans anew, and flies
+these seeds, so long, in this air: whoever changes that on purpose records the plans and flies
 the experiment again.
 """
 
@@ -34,7 +34,7 @@ PLANNED: Final = tuple(name for name in EXPERIMENTS if name not in NOT_PLANNED)
 
 
 class Planned(Exception):
-    """An experiment has said what it flies first."""
+    """An experiment has planned its first flights."""
 
 
 class Planner(Flyer):

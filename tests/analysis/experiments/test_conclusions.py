@@ -1,4 +1,4 @@
-"""What every experiment concludes, from flights that nobody flew (`made_up.py`).
+"""What every experiment concludes, from made-up flights (`made_up.py`).
 
 Its claims are judged, its tables filled and its figures drawn without the hours that its flights
 take; what they show is kept (`drawn.py`), with the words that stand beside them.

@@ -299,7 +299,7 @@ def test_who_is_not_dispersed_says_why(name: str) -> None:
 
 
 class Asked(Exception):
-    """An experiment has said what it flies first."""
+    """An experiment has planned its first flights."""
 
 
 class FirstJobs(Flyer):

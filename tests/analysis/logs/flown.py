@@ -306,7 +306,7 @@ def _dataflash_rows(
 
 
 def _moved(tick: Reported) -> SurfaceCommand:
-    """What the surfaces were told: by the pilot, where that is read back, else by the module."""
+    """The surfaces' commands: by the pilot, where that is read back, else by the module."""
     sample = tick.inputs.surfaces
     if not sample.sequence:
         return tick.output.command

@@ -1,4 +1,4 @@
-"""Empty, cut, foreign, damaged and clock-jumping logs: what can be read is; the rest is told."""
+"""Empty, cut, foreign, damaged and clock-jumping logs: what is readable, and the report."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def test_local_velocities_come_before_those_of_the_soaring_frame() -> None:
 
 
 def pitot(cover: float, mps: float = 10.0) -> Series | None:
-    """An airspeed for a share of the flight."""
+    """An airspeed for a fraction of the flight."""
     n = round(cover * len(T))
     return series(T[:n], "pitot", airspeed_mps=np.full(n, mps))
 

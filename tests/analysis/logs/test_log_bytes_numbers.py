@@ -1,5 +1,5 @@
 """ULog and DataFlash to the byte: lengths of two bytes, a file that ends on a message, descriptions
-that are full, and how many losses are told."""
+that are full, and how many losses are reported."""
 
 from __future__ import annotations
 

@@ -254,4 +254,4 @@ def test_positions_without_a_local_frame_are_said_to_be_so(tmp_path: Path) -> No
     assert np.max(np.abs(flight.position["north_m"])) == pytest.approx(
         max(map(abs, moved)), abs=0.02
     )
-    assert placed(flight, load_site(flown.SITE).frame()).path is not None  # as the module told it
+    assert placed(flight, load_site(flown.SITE).frame()).path is not None  # as reported

@@ -68,7 +68,7 @@ def value(name: str, number: float) -> Any:
 
 
 def reported(*rows: tuple[float, str, float]) -> FlightData:
-    """A flight of which the module told these numbers."""
+    """A flight of which the module reported these numbers."""
     return flight_of([(time_s, MODULE, value(name, number)) for time_s, name, number in rows])
 
 
@@ -202,7 +202,7 @@ def test_gaps_in_the_numbering_are_losses(sequence: list[int], lost: int) -> Non
 
 
 def test_time_is_the_autopilots_once_it_tells_it_ten_times() -> None:
-    """A simulation at double speed: the recorder's clock sees half of the flight's time."""
+    """A simulation at double speed: the recorder's clock counts half of the flight's time."""
 
     def double(n: int) -> Tlog:
         return log_of([(0.05 * i, PILOT, attitude(boot_ms=7000 + 100 * i)) for i in range(n)])

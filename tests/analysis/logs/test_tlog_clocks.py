@@ -95,7 +95,7 @@ def broken(row: bytes) -> bytes:
 
 @pytest.mark.parametrize("days", [3999.0, -3999.0, 4001.0, -4001.0])
 def test_a_frame_with_a_wrong_checksum_is_one_within_four_thousand_days(days: float) -> None:
-    """Its bytes are told otherwise, where its stamp says that it is none."""
+    """Its bytes are reported otherwise, where its stamp says that it is none."""
     rows = frames([(0.1 * i, PILOT, attitude(roll=float(i))) for i in range(5)])
     rows[2] = restamped(broken(rows[2]), days)
     log = Tlog(PATH, b"".join(rows))

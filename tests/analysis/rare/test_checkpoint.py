@@ -22,7 +22,7 @@ HERE = InLine()
 
 
 class Stopped(Exception):
-    """Somebody pressed Ctrl-C."""
+    """Ctrl-C was pressed."""
 
 
 class Stairs:

@@ -188,7 +188,7 @@ def test_a_place_beyond_one_limit_is_refused_with_its_distances() -> None:
 def test_the_ends_of_the_well_are_those_of_its_own_turbulence_and_limits(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # What it gives back is what it was given.
+    # It returns its own arguments.
     monkeypatch.setattr(module, "well_exits", lambda *what: what)
     ours: Any = SoaringProcess(case())
     field, polar, at, eta, turbulence, allowed = ours.exits

@@ -26,8 +26,8 @@ FOUND = SimpleNamespace(
 def test_each_log_has_a_line_with_all_that_was_found_and_what_cannot_be_read_has_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What is lost of a log and what is left out of its replay are different numbers, and whoever
-    sees neither takes the rest for all of it."""
+    """What is lost of a log and what is left out of its replay are different numbers, and without
+    either the rest would pass for all of it."""
     asked: list[dict[str, Any]] = []
 
     def read_log(path: Path) -> Any:

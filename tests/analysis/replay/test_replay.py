@@ -376,7 +376,7 @@ def test_a_damaged_wire_gives_its_whole_frames(path: Path, at: float, garbage: b
 
 
 def test_a_wire_that_begins_in_flight_flies(path: Path, tmp_path: Path) -> None:
-    """A ground station that was started late: nobody says in it that the module engages."""
+    """A ground station that was started late: it does not hold the module's engagement."""
     frames, _ = read_wire(path.with_suffix(".tlog"))
     late = [frame for frame in frames if frame.unix_us > frames[len(frames) // 2].unix_us]
     whole = b"".join(f.unix_us.to_bytes(8, "big") + f.data for f in late)

@@ -358,7 +358,7 @@ def written(folder: Path, frames: Sequence[bytes], step_us: int = 5_000) -> Path
 
 
 def test_where_the_clocks_run_alike_the_module_keeps_its_own_ticks(tmp_path: Path) -> None:
-    """Attitudes each 20 ms for a second: 200 ticks of 5 ms, and each sees the newest of them."""
+    """Attitudes each 20 ms for a second: 200 ticks of 5 ms, and each takes the newest of them."""
     path = written(tmp_path, [attitude(20 * n) for n in range(51)], 20_000)
     found = replay_wire(path, AIRFRAME, SITE)
     assert found.notes == [FROM_THE_WIRE, NO_PARAMETERS]

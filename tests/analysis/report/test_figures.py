@@ -25,7 +25,7 @@ BOUNDS = (-60.0, 0.0, 1.0, 50.0)
 
 
 def inked(path: Path) -> float:
-    """Share of pixels that are not the most common colour."""
+    """Fraction of pixels that are not the most common colour."""
     pixels = np.asarray(Image.open(path).convert("L"))
     return 1.0 - float(np.bincount(pixels.ravel()).max()) / pixels.size
 

@@ -95,7 +95,7 @@ def test_the_legs_are_those_of_the_truth(analysis: Analysis, known: Surroundings
 
 
 def standing(moving: list[float], x: list[float], modes: list[str]) -> FlightData:
-    """A flight told once a second."""
+    """A flight reported once a second."""
     time = np.arange(float(len(x)))
     line = Series(
         time,

@@ -491,7 +491,7 @@ def test_modes_are_bands_of_their_colours_with_names_where_there_is_room() -> No
     [(0.1, "capturing", False), (0.3, "capturing", True), (0.1, "failed", True)],
 )
 def test_a_moment_is_named_if_it_is_loud(seconds: float, name: str, legend: bool) -> None:
-    """Two thousandths of the time are too short to be seen."""
+    """Two thousandths of the time are too short to be visible."""
     modes = ((0.0, "soaring"), (50.0, name), (50.0 + seconds, "soaring"))
     assert (history(flight(*modes))[0].get_legend() is not None) is legend
 

@@ -16,7 +16,7 @@ from tgl_soar.control.supervisor_texts import MODE_NAMES
 
 
 def flight(modes: list[str], each_s: float = 60.0) -> FlightData:
-    """So long in each mode, on a line that stands all along; told four times a second."""
+    """So long in each mode, on a line that stands all along; reported four times a second."""
     time = np.arange(0.0, each_s * len(modes), 0.25)
     ones = np.ones(len(time))
     line = Series(time, {"x_m": ones, "z_m": ones, "eta_rad": 1.8 * ones, "moving": 0.0 * ones}, "")

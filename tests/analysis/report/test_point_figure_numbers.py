@@ -50,7 +50,7 @@ def test_ten_seconds_of_holding_are_left_out_and_again_after_each_rest() -> None
     rows = np.flatnonzero(held_rows(point(standing)))
     assert rows.tolist() == [10, 11, 12, 13, 14, 26, 27, 28]
     off = np.zeros(29)
-    off[12] = np.nan  # from there on it is settled anew
+    off[12] = np.nan  # from there on it settles again
     assert np.flatnonzero(held_rows(point(standing, off))).tolist() == [10, 11, 26, 27, 28]
     unknown = [np.nan if n == 5 else s for n, s in enumerate(standing)]
     assert np.flatnonzero(held_rows(point(unknown))).tolist() == [26, 27, 28]

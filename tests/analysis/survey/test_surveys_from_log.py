@@ -1,4 +1,4 @@
-"""Where a log has a survey begin, which is told by a value and by words."""
+"""Where a log has a survey begin, which is reported by a value and by words."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_words_that_come_behind_the_value_begin_no_second_survey(after_s: float)
 
 
 def test_words_long_after_it_do() -> None:
-    """Nobody says them twice: the log lacks the end of the one before."""
+    """They are not reported twice: the log lacks the end of the one before."""
     first, second = surveys_of(with_words(1.1 * SAME_S))
     assert second.time_s[0] == pytest.approx(first.time_s[0] + 1.1 * SAME_S)
 

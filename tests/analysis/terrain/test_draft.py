@@ -1,5 +1,5 @@
 """A drafted site on ground that is a formula: wind, crest, fence, lines and landing place, each by
-what it is said to be, and what ground and wind must not lack."""
+how it is described, and what ground and wind must not lack."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a draft's lines stand on its contour, and the slope that carries nobody."""
+"""Where a draft's lines stand on its contour, and the slope that carries no aircraft."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def test_the_profile_has_two_hundred_samples_at_most_and_twenty_at_least(
 
 
 def test_the_ground_is_the_highest_of_nine_strips_across_the_fence() -> None:
-    """A rib of ten metres, a quarter of the half width to one side of the middle, is seen."""
+    """A rib of ten metres, a quarter of the half width to one side of the middle, is detected."""
 
     class Ribbed(Ground):
         def up_m(self, north_m: Any, east_m: Any) -> Any:

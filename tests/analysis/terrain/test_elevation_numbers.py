@@ -179,7 +179,7 @@ def test_a_place_and_a_reach_have_bounds(
 
 
 def written(path: Path, heights: NDArray[Any], transform: Any, **changes: Any) -> Path:
-    """Units, scales and offsets are what somebody else's tools left in it."""
+    """Units, scales and offsets are those that other tools left in it."""
     rasterio = pytest.importorskip("rasterio", reason="the extra `terrain` is not installed")
     rows, columns = heights.shape
     with rasterio.open(

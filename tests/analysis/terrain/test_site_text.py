@@ -1,4 +1,4 @@
-"""The text of a drafted site file: every number where it belongs, and what is said of the place."""
+"""The text of a drafted site file: every number where it belongs, and the report on the place."""
 
 from __future__ import annotations
 

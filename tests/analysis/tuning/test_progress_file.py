@@ -1,5 +1,5 @@
-"""The file in which a search is kept: answers as they are read back, who sought them, and what is
-said of a file that cannot be used."""
+"""The file in which a search is kept: answers as read back, which search sought them, and what is
+reported of a file that cannot be used."""
 
 from __future__ import annotations
 

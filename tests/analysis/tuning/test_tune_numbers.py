@@ -1,5 +1,5 @@
 """The way from an airframe file to gains, with margins and flights that are made up: what is asked
-in which order, who is chosen, how many are judged, and what is counted of them."""
+in which order, which are chosen, how many are judged, and what is counted of them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TASK = Task(airframe=AIRFRAME, site_path=SITE_PATH, values=VALUES, lean_deg=15.0
 
 
 class Pool:
-    """Evaluates nothing: it gives what it is told to, and remembers what it was asked."""
+    """Evaluates nothing: it returns scripted values, and keeps what it was asked."""
 
     def __init__(self, give: Any) -> None:
         self.give = give

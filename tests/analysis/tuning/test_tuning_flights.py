@@ -1,4 +1,4 @@
-"""Flights of drawn aircraft, made up: who stays up, what is scored of whom, where an aircraft may
+"""Flights of drawn aircraft, made up: which stay up, what is scored of each, where an aircraft may
 hover, and how late a command comes."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Aircraft of any size: how they are drawn, what is known of them, and who soars."""
+"""Aircraft of any size: how they are drawn, what is known of them, and which soar."""
 
 from __future__ import annotations
 

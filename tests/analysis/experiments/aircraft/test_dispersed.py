@@ -125,7 +125,7 @@ def test_side_and_bank_are_measured_where_they_are_flown() -> None:
 
 
 def test_the_interval_is_exact() -> None:
-    """At its ends what was seen, or worse and better, has 2.5 %."""
+    """At its ends the observed count, or worse and better, has 2.5 %."""
     low, high = scored(flights(95, 100)).interval
     assert binom.sf(94, 100, low) == pytest.approx(0.025, rel=1e-3)
     assert binom.cdf(95, 100, high) == pytest.approx(0.025, rel=1e-3)

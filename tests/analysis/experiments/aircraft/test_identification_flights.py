@@ -68,7 +68,7 @@ def concluded(monkeypatch: pytest.MonkeyPatch, flights: Sequence[Examined]) -> A
 
 
 def test_a_log_that_is_refused_misses_every_claim(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And is told of as such: no number is made of it."""
+    """And is reported as refused: no number is made of it."""
     good = concluded(monkeypatch, [examined(0.01)] * 100)
     assert all(claim.holds for claim in good.claims)
     assert good.claims[0].measured == "at most 1.0 %"

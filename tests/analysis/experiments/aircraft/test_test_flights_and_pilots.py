@@ -153,7 +153,7 @@ class Found(SimpleNamespace):
 def examined(
     monkeypatch: pytest.MonkeyPatch, by: float = 1.0, half: float = 0.1, sink: float = 1.0
 ) -> e.Examined:
-    """Of a log that tells everything wrong by a factor, within a band of a share of it; polars by
+    """Of a log whose numbers are all wrong by a factor, within a relative band; polars by
     another."""
     job = GlideJob(5)
     model, body = e.truth()

@@ -1,4 +1,4 @@
-"""An aircraft that no gain was found on: who flies it with what, and how they are compared."""
+"""An aircraft that no gain was found on: which gains fly it, and how they are compared."""
 
 from __future__ import annotations
 

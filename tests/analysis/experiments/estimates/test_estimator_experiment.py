@@ -302,7 +302,7 @@ def test_errors_are_lengths_and_held_against_their_sigmas() -> None:
 
 
 def test_the_paired_interval_covers_the_truth_as_often_as_it_says() -> None:
-    """By all outcomes of 25 pairs: the share of one kind of flight that survives differs from the
+    """By all outcomes of 25 pairs: the fraction of one kind of flight to survive differs from the
     other's by 0.1, of which the interval is right in 95 % and, being discrete, a little around."""
     n, p_first, p_second, p_neither = 25, 0.05, 0.15, 0.05
     p_both = 1.0 - p_first - p_second - p_neither

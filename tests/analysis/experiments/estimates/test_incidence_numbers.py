@@ -86,7 +86,7 @@ def test_angles_are_of_all_flights_from_two_seconds_on() -> None:
 )
 def test_a_deep_stall_is_from_sixteen_degrees_to_25(true_deg: float, is_deep: bool) -> None:
     true = np.array([true_deg] * 5 + [20.0] * 5)
-    read = np.array([10.0] * 5 + [14.0] * 5)  # of that angle none is seen
+    read = np.array([10.0] * 5 + [14.0] * 5)  # of that angle none is detected
     deep, _ = _claims({"a wing": (true, read)}, 12.6)
     assert deep.holds is not is_deep
     assert deep.measured == ("50 %" if is_deep else "100 %")

@@ -57,7 +57,7 @@ def test_the_updraft_is_known_as_well_as_it_is_said_to_be() -> None:
 def test_the_standard_deviations_are_honest(case: str) -> None:
     """Four flights are four draws of what is constant in a flight: a factor of four.
 
-    Downward more where the wing is the one they know: they doubt it all the same.
+    More on the low side where the wing is the known one: its uncertainty is counted all the same.
     """
     found = score(list(flights()), case)
     assert 0.1 < found.wind_normalised < 4.0

@@ -1,4 +1,4 @@
-"""Wind and updraft as read on board: who looks on at a flight and with what, how errors are scored,
+"""Wind and updraft as read on board: which estimators watch a flight, how errors are scored,
 and each claim on both sides of its bound."""
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from tgl_soar.types import NO_AERODYNAMICS, NO_AIRSPEED, NO_IMU, polar_sink
 SHORT = WindFlight(lines=("b",), seed=1, leg_s=0.3, cases=tuple(CASES))
 
 
-# --- who looks on -------------------------------------------------------------------------------
+# --- estimators ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

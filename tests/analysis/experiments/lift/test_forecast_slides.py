@@ -488,7 +488,7 @@ def test_every_start_is_slid_and_forecast() -> None:
     assert all(each.time_s <= 3.0 for each in found)
 
 
-# --- what is said of them -------------------------------------------------------------------------
+# --- what is reported -----------------------------------------------------------------------------
 
 
 def ended(time_s: float, left_m: float, ahead_s: float | None = None, out: bool = False) -> e.Slid:

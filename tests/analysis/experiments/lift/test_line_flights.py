@@ -1,5 +1,5 @@
-"""The flights of `nowhere` and `throttle`: where a line begins, who flies it, and what came of it,
-of loops that do what they are told."""
+"""The flights of `nowhere` and `throttle`: where a line begins, what flies it, and what came of it,
+of scripted loops."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def test_it_could_be_known_when_the_first_window_is_filled() -> None:
     assert not row._replace(low_s=inf).is_low_late
 
 
-# --- who flies it ---------------------------------------------------------------------------------
+# --- what flies it --------------------------------------------------------------------------------
 
 
 class Flight:
@@ -218,7 +218,7 @@ class Flight:
 
 
 class Search:
-    """A search that hears every look, and gives up at the eighth."""
+    """A search that receives every look, and gives up at the eighth."""
 
     made: list[Search] = []  # noqa: RUF012 - of one test
 
@@ -294,7 +294,7 @@ def test_a_start_is_drawn_by_seed_kind_and_line(monkeypatch: pytest.MonkeyPatch)
 
 
 class Powered:
-    """A flight of 40 s whose throttle was open when it is told to have been."""
+    """A flight of 40 s whose throttle was open at scripted times."""
 
     opened_s: tuple[float, float] = (0.0, 0.0)
     made: list[Powered] = []  # noqa: RUF012 - of one test

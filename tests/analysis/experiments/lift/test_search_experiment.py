@@ -1,4 +1,4 @@
-"""How much sooner a place is found, of made-up flights: who never finds one counts as well."""
+"""How much sooner a place is found, of made-up flights: one that is never found counts as well."""
 
 from __future__ import annotations
 

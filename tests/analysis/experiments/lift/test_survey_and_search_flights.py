@@ -228,7 +228,7 @@ def test_who_drew_nothing_was_lost_or_cut_short_is_listed() -> None:
     assert e._numbers(once())["length_m"] == pytest.approx(2.0)
 
 
-# --- who searches where ---------------------------------------------------------------------------
+# --- searches and places --------------------------------------------------------------------------
 
 
 def flown_search(monkeypatch: pytest.MonkeyPatch, job: s.SearchJob) -> tuple[Any, Any, bool]:
@@ -283,7 +283,7 @@ FOUND = Score(
 
 
 def scores(kind: Kind, count: int, **by_name: Any) -> list[Score]:
-    """As many places that all soar; by_name: who does not at how many, or changes at each."""
+    """As many places that all soar; by_name: which does not at how many, or changes at each."""
     made = []
     for seed in range(count):
         for name in (*s.MANY, s.PATIENT):
@@ -367,7 +367,7 @@ def test_where_nobody_soars_it_is_given_up_in_time(kind: Kind, percent: int) -> 
         ]
         assert judged(kind, found)[text] is holds
     also = [replace(each, soared=each.searcher == s.MAP) for each in found]
-    assert judged(kind, also)[text]  # who soars where the oracle does not need not give up
+    assert judged(kind, also)[text]  # one that soars where the oracle does not need not give up
 
 
 @pytest.mark.parametrize(("walked_s", "holds"), [(40.0, True), (39.9, False)])

@@ -1,4 +1,4 @@
-"""Who lasts on late links: how it is judged."""
+"""How flights on late links are judged."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tgl_soar.analysis.experiments.loop.command_delay import PlaceScore, score_p
 
 
 def test_places_are_judged_one_by_one() -> None:
-    """A pooled share of 0.95 would pass."""
+    """A pooled fraction of 0.95 would pass."""
     good, poor = (
         PlaceScore(
             place=place,

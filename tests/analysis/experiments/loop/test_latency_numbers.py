@@ -1,4 +1,4 @@
-"""Leans and places by a faster and by a slower link: what is flown and how it is told."""
+"""Leans and places by a faster and by a slower link: what is flown and how it is reported."""
 
 from __future__ import annotations
 

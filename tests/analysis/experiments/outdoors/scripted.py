@@ -1,4 +1,4 @@
-"""A loop that does what it is told at each tick, for what experiments say of a flight: nothing is
+"""A loop with a script for each tick, for what experiments say of a flight: nothing is
 computed in it, so that a test knows where the aircraft is, what its fixes say, and when it ends."""
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ScriptedWorld:
 
 
 class ScriptedLoop:
-    """Ticks through a script; says what it was told by the operator, and whether engaged then."""
+    """Ticks through a script; keeps what the operator set, and whether it was engaged then."""
 
     def __init__(
         self, script: Callable[[float], Moment], values: dict[str, float], ground: Any = None

@@ -114,7 +114,7 @@ def test_each_claim_can_fail(
 
 
 def test_only_flights_that_beat_are_counted_as_such() -> None:
-    """Who may beat and never did was disengaged, or landed badly, for other reasons."""
+    """A flight that may beat and never did was disengaged, or landed badly, for other reasons."""
     never = [replace(each, beating_s=0.0, turns=0, least_m=nan) for each in (GOOD, HOME)]
     gone = replace(never[0], ended="disengaged: outside the fence")
     claims = beating._claims([*ALL, gone, replace(never[1], along_m=11.0)])

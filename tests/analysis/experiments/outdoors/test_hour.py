@@ -121,7 +121,7 @@ def test_the_line_is_held_against_the_walk(walked: FlownHour, *, holds: bool) ->
     assert hour._beside_the_walk([POWERED, walked]).holds == holds
     hit = replace(POWERED, ended="hit the hill")
     assert not hour._beside_the_walk([POWERED, hit, walked, walked]).holds
-    assert not hour._beside_the_walk([GOOD]).holds  # of nobody nothing is shown
+    assert not hour._beside_the_walk([GOOD]).holds  # without such flights nothing is shown
     waits = replace(POWERED, case=POWERED.case._replace(auto=2), throttle_s=100.0)
     assert hour._beside_the_walk([POWERED, waits, walked]).holds == holds
 

@@ -177,7 +177,7 @@ def test_so_many_are_flown_by_who_may_beat_and_who_may_not(
 
 
 class Steered:
-    """Ten looks of a flight: nothing is seen in the first, and it is on its way home from the
+    """Ten looks of a flight: the first shows nothing, and it is on its way home from the
     seventh on."""
 
     made: list[Steered] = []  # noqa: RUF012 - of one test

@@ -176,7 +176,7 @@ def test_captures_ends_and_disengagements_are_reported(monkeypatch: pytest.Monke
         assert gone.duration_s == pytest.approx(30.0)
 
 
-# --- what is said of a flight ---------------------------------------------------------------------
+# --- what is reported of one ----------------------------------------------------------------------
 
 FLOWN = ranges._RangedFlight(
     ended="", duration_s=57.0, captures=1, off_m=[0.1, -0.4, 0.2, 0.0], height_off_m=[3.0, -4.0],

@@ -208,7 +208,7 @@ def test_off_the_line_is_counted_from_the_fifteenth_second_to_the_end(
     assert found.captures == 0
     assert isnan(found.clearance_m)
     assert not found.landing
-    assert loop.changes == []  # nobody moved the line
+    assert loop.changes == []  # the line did not move
     assert all(loop.engaged)
 
 
@@ -310,7 +310,7 @@ def test_a_loop_shows_the_fix_that_the_module_was_given(monkeypatch: pytest.Monk
     assert loop.given.east_m == pytest.approx(world.position.east_m, abs=0.1)
 
 
-# --- what is said of a flight ---------------------------------------------------------------------
+# --- what is reported of one ----------------------------------------------------------------------
 
 PLAIN = SinceFault(
     ended="",

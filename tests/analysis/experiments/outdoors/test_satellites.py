@@ -89,7 +89,7 @@ def test_what_counts_as_lost_and_as_landed(flown: dict[str, SatelliteFlight]) ->
         (sat.TURNED, {"captures": 1}, {0}),
         (sat.RESET, {"ended": "hit the ground"}, {1}),
         (sat.HOME, {"ended": "disengaged: outside the fence"}, {1}),
-        (sat.HELD, {"ended": "hit the ground"}, {2, 5}),  # and nobody soars on
+        (sat.HELD, {"ended": "hit the ground"}, {2, 5}),  # and none soars on
         (sat.HELD, {"ended": "disengaged: too low", "clearance_m": 0.9}, {2, 5}),
         (sat.RECEIVER, {"beside_m": 0.31}, {3}),
         (sat.RTK, {"off_m": 0.31}, {4}),

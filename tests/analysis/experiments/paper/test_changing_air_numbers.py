@@ -1,5 +1,5 @@
 """Air that changes: what is flown, and the numbers that come of legs that are written by hand, each
-reckoned anew from the field, from the polar or from the legs themselves."""
+computed again from the field, from the polar or from the legs themselves."""
 
 from __future__ import annotations
 
@@ -330,7 +330,7 @@ def first_order_at(mps: float) -> float:
 
 
 def test_winds_numbers_are_those_of_the_contour_before_half_way_and_after() -> None:
-    """The sensitivity anew: E grows by u · margin / V for each m/s of a wind of V, and the place
+    """The sensitivity by hand: E grows by u · margin / V for each m/s of a wind of V, and the place
     by that over the slope of excess updraft along the line."""
     result = wind_result()[0].numbers["shifts"]
     base = scenario("wind")

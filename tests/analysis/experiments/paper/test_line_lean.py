@@ -1,4 +1,4 @@
-"""Lines that lean: what is claimed and said of them, of made-up scores."""
+"""Lines that lean: what is claimed and reported of them, of made-up scores."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_lean_asks_for_the_least_at_the_perpendicular_and_more_far_from_it() -> 
         True,
         True,
     ]
-    # Nobody flew near the perpendicular, or it lost a flight.
+    # No flight was near the perpendicular, or one was lost.
     assert reported_of_leans(downwind, upright) == [False, False, True]
     lost = lean_score(40, 0.010, 0.001, survived=7)
     assert reported_of_leans(downwind, upright, lost) == [False, False, True]

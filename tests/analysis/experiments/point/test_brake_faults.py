@@ -1,4 +1,4 @@
-"""Flights with jammed brakes: how they are drawn, what is said of them, and some of them flown."""
+"""Flights with jammed brakes: how they are drawn, what is reported, and some of them flown."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_one_lost_flight_is_one_too_many_and_is_named() -> None:
 def test_jammed_brakes_lose_no_flight() -> None:
     flights = [fly_faulty(job) for job in faulty_jobs(places(), 8, 61)]
     assert faults_claim(flights).holds, faults_claim(flights).measured
-    # A half that pulls by 0.1 or more of the aileron is told within 40 s of the 60 that are left.
+    # A half that pulls by 0.1 or more of the aileron is reported within 40 s of the 60 left.
     strong = [
         f
         for f in flights

@@ -301,7 +301,7 @@ def test_a_fault_begins_while_the_brake_fades_in_or_later_and_stays() -> None:
 
 
 def faulty(monkeypatch: pytest.MonkeyPatch, script: Any) -> b.FaultyFlight:
-    """A flight whose ticks are told: (standing, mode, crashed) by time; its fault begins at 3 s."""
+    """A flight of scripted ticks: (standing, mode, crashed) by time; its fault begins at 3 s."""
     fault = "brake.stuck start=3 for=1000"
     scenario = msgspec.structs.replace(TUNNEL, faults=[fault], duration_s=20.0)
 
