@@ -130,7 +130,7 @@ Corrupt = Callable[[int, Inputs], Inputs]
 class Flight:
     """A glider, the tick, and everything that went through it.  Fixes come at 50 Hz.
 
-    It begins ready, after some ticks in somebody's hand, unless it is told not to.
+    It begins ready, after some ticks in a pilot's hand, by default.
     """
 
     def __init__(
@@ -476,7 +476,7 @@ def test_a_place_accepted_after_uncertainty_is_a_new_line_and_no_step() -> None:
 
 
 def test_a_reset_moves_the_line_until_the_flight_ends() -> None:
-    """Then there is no line to be kept, and an operator sees what the source says."""
+    """Then there is no line to be kept, and an operator is shown what the source reports."""
 
     def moved(_: int, inputs: Inputs) -> Inputs:
         p = inputs.position
@@ -545,7 +545,7 @@ def test_a_short_gap_leaves_the_line_where_it_is() -> None:
 
 
 def sinking_out_of_sight(inputs: Inputs, since_s: float) -> Inputs:
-    """The last that is heard of the position, for a tenth of a second: it sinks at 0.8 m/s."""
+    """The last positions that are received, for a tenth of a second: it sinks at 0.8 m/s."""
     p = inputs.position
     age = min(0.1, inputs.time_s - since_s)
     lower = p._replace(down_m=p.down_m + 0.8 * age, velocity_down_mps=0.8)
@@ -767,7 +767,7 @@ def test_one_sample_in_five_lost_costs_nothing() -> None:
 
     flight = soaring().fly(5.0, lossy)
     assert flight.changes() == []
-    # A surface that is told 5 ms later now and then moves the line by less than a centimetre.
+    # A surface that is commanded 5 ms later now and then moves the line by less than a centimetre.
     assert max(abs(o.line.e_rho_m) for o in flight.outputs) < 0.01
     assert_inside(flight.outputs)
 
@@ -1054,7 +1054,7 @@ def test_where_a_surface_cannot_follow_its_loop_waits(loop: str, blocked: str) -
     free = integrated(blocked, 0)
     assert abs(free) > 1e-6
     side = 1 if free > 0.0 else -1
-    # The outer loop is told as well, and moves the setpoint a little.
+    # The outer loop gets the limit as well, and moves the setpoint a little.
     assert integrated(blocked, -side) == pytest.approx(free, rel=0.01)
     assert integrated(blocked, side) == 0.0
     (other,) = {"elevator_blocked", "aileron_blocked"} - {blocked}

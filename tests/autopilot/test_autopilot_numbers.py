@@ -264,7 +264,7 @@ def test_what_the_envelope_keeps_is_what_the_line_took(monkeypatch: pytest.Monke
 def test_only_who_soars_on_a_line_is_blown_behind_it(
     monkeypatch: pytest.MonkeyPatch, mode: int, fraction: float
 ) -> None:
-    """Who captures it is behind it because that is where it began."""
+    """An aircraft that captures it is behind it because that is where it began."""
     flight = soaring().fly(0.2)
     asked: list[float] = []
 
@@ -330,7 +330,7 @@ def test_who_turns_by_banking_is_given_a_bank() -> None:
 
 
 def test_a_line_that_begins_again_under_power_keeps_the_pitch() -> None:
-    """The propeller's share is in the pitch that is flown, and added to what the line asks for."""
+    """The propeller's part is in the pitch that is flown, and added to what the line asks for."""
     flight = soaring().fly(0.2)
     flown, wanted = flight.outputs[-1].vehicle.pitch_rad, []
     for up_rad in (0.0, radians(4.0)):
@@ -603,7 +603,7 @@ def test_a_tick_s_interval_is_since_the_last_and_a_tenth_at_most(
 def test_before_it_flies_the_line_s_conditions_are_those_of_a_line_at_the_aircraft(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """At a distance of nothing, at rest, and captured by nobody yet."""
+    """At a distance of nothing, at rest, and not captured yet."""
     flight = Flight(laws_with(CAPTURE_MAX=0.3))
     asked = asked_of(monkeypatch, "supervise")
     flight.fly(DT)

@@ -241,7 +241,7 @@ def test_where_it_may_do_either_it_beats() -> None:
     assert conditions_of(SOARING, lull=SLOW, **home) == BEAT
     assert conditions_of(SOARING, lull=SLOW, BEAT_AUTO=0.0, **home) == BREAK_OFF
     assert conditions_of(SOARING, lull=SLOW, clearance_m=5.9, **home) == BREAK_OFF
-    # A line that is given up is no lull: that there is lift elsewhere nobody knows.
+    # A line that is given up is no lull: there may be no lift elsewhere.
     assert conditions_of(SOARING, found=NEAR_LINE, **home) == BREAK_OFF
 
 

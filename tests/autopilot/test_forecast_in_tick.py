@@ -1,4 +1,4 @@
-"""The forecast in the loop: who is disengaged by it, who is not, and what is reported."""
+"""The forecast in the loop: when it disengages, when it does not, and what is reported."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ STICK = SurfacesSample(sequence=1, time_s=0.0, elevator=0.9, aileron=0.3, rudder
 
 
 class Reads(ClosedLoop):
-    """Of surfaces it reads what it is told to."""
+    """Its surfaces are read back from a script."""
 
     def __init__(self, read: Callable[[float], SurfacesSample]) -> None:
         airframe, site = load_airframe(AIRFRAME_PATH), load_site(SITE_PATH)
@@ -55,7 +55,7 @@ def test_a_stick_before_the_flight_does_not_bend_the_wind() -> None:
     assert stopped.air == without.air
     assert stopped.margins.stall_rad == without.margins.stall_rad
     read = Reads(lambda now_s: STICK._replace(time_s=now_s, sequence=1 + round(200 * now_s)))
-    for _ in range(200):  # it is believed while it comes
+    for _ in range(200):  # it is accepted while it comes
         bent = read.tick()
     assert bent.air.wind_mps != pytest.approx(without.air.wind_mps, abs=0.2)
 

@@ -81,7 +81,7 @@ def test_with_one_it_stays_on_the_line_with_its_height() -> None:
     on_line = [abs(o.line.e_rho_m) for o in outputs if o.mode == SOARING]
     assert on_line
     assert max(on_line) < 0.05
-    # The integral that is told is that of what was sent, and so of what moved the aircraft.
+    # The integral that is reported is that of what was sent, and so of what moved the aircraft.
     sent = sum(output.throttle.fraction for output in outputs) / 200.0
     assert outputs[-1].throttle.used_s == pytest.approx(sent)
     assert 0.0 < sent < 30.0

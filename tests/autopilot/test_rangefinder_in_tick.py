@@ -86,7 +86,7 @@ def test_where_it_says_what_the_position_says_it_only_makes_the_ground_nearer(
 
 
 def test_a_height_that_drifts_is_corrected_where_it_is_asked_for() -> None:
-    """2 m, one standard deviation, of which the slope's share K leaves less than a third."""
+    """2 m, one standard deviation, of which the slope's gain K leaves less than a third."""
     off = flown(1, position=DRIFTS, seconds=6.0)
     corrected = flown(2, position=DRIFTS, seconds=6.0)
     wrong_m = abs(off.estimated_m[-1] - off.z_m[-1])

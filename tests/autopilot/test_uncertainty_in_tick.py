@@ -46,7 +46,7 @@ VALUES = ParameterSet().changed(
 
 
 def held(n: int) -> Inputs:
-    """What tick n hears of an aircraft that somebody holds; it says that it stands still."""
+    """The inputs of tick n from an aircraft that is held by hand and reports no motion."""
     now = n * DT
     fixed = n - n % FIX_TICKS
     return Inputs(
@@ -162,7 +162,7 @@ def test_without_fixes_the_position_is_kept_for_as_long_as_it_is_known(
 
 
 def test_a_frozen_position_is_not_carried_on_by_accelerations() -> None:
-    """Without control the estimator takes the same place and speed again and again, and is sure of
+    """Without control the estimator takes the same place and speed again and again, confident in
     it."""
 
     def frozen() -> Iterator[Inputs]:
@@ -180,7 +180,7 @@ def test_a_frozen_position_is_not_carried_on_by_accelerations() -> None:
 
 
 def test_a_position_that_has_jumped_is_none_for_a_while() -> None:
-    """So that the line is reset at the aircraft and no law sees the step."""
+    """So that the line is reset at the aircraft and the step does not reach the laws."""
 
     def jumping() -> Iterator[Inputs]:
         for n in range(400):

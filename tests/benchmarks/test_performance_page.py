@@ -148,7 +148,7 @@ def test_an_aim_that_is_missed_says_so_on_the_page(results: str) -> None:
     assert [row for row in rows if not row.is_honest] == []
 
 
-# What the prose takes from the tables: a row, what it stands beside, and how its figures are told.
+# What the prose takes from the tables: a row, what it stands beside, and how figures are written.
 TOLD = (
     ("a tick after 5 ms of sleep, p50", "one right after the other", "{ratio:.1f} times as long"),
     ("the flying process, UDP", "what is allowed", "take {value} % of a core in the table"),

@@ -1,9 +1,9 @@
-"""What every command does where nothing is said: the defaults and bounds of all options.
+"""What every command does without options: the defaults and bounds of all options.
 
-    python tests/cli/defaults.py        keeps them anew
+    python tests/cli/defaults.py        records them again
 
 `defaults.json` holds those of the last time: a default is a promise, to scripts and to people.
-Whoever changes one on purpose keeps them anew, and names it in CHANGELOG.md.
+Whoever changes one on purpose records them again, and names it in CHANGELOG.md.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def options() -> dict[str, str]:
 
 
 def without_choices() -> dict[str, str]:
-    """What the module and the bridge are told by the least that can be said."""
+    """The options of the module and of the bridge with the shortest command lines."""
     return {
         "module": _plain(options_of([*FILES, "--link", "udp:127.0.0.1:14550"])),
         "bridge": _plain(parsed(list(FILES))),

@@ -1,9 +1,9 @@
 """What commands print of the shipped files and of a few numbers of our own, word by word.
 
-    python tests/cli/printed.py        keeps it anew
+    python tests/cli/printed.py        records it again
 
 `printed.json` holds what they printed the last time: people read it, and scripts cut it up.
-Whoever changes it on purpose keeps it anew.  Numbers may differ by rounding.
+Whoever changes it on purpose records it again.  Numbers may differ by rounding.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Bad logs, as a user meets them: what could be read is used, what was lost is said, no more."""
+"""Bad logs, as a user meets them: what could be read is used, losses are reported, no more."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_what_is_lost_of_ours_is_reported_and_the_rest_is_used(
     log = tmp_path / "flight.ulg"
     log.write_bytes(bad(ours))
     code, output = run(command, log, tmp_path)
-    # Nobody glided or threw the elevator in it: there is nothing to fit.
+    # It holds no glide and no step of the elevator: there is nothing to fit.
     assert code == (2 if command in ("polar", "identify") else 1), output
     assert words in output
     made = {

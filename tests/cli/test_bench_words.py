@@ -203,7 +203,7 @@ def test_a_stop_is_held_until_it_is_answered(answers: list[bool | None], wrong: 
     assert bench.go(look) == wrong
     assert sights == ["up"] * len(answers)
     assert check.done
-    assert len(spoken.commanded) == 2 * len(answers) + 2  # a stop without a sight asks nobody
+    assert len(spoken.commanded) == 2 * len(answers) + 2  # a stop without a sight asks nothing
     assert set(check.taken) == {"heard"}
     assert len(spoken.asked[0]) == 2
 

@@ -22,7 +22,7 @@ stop: dict[str, int] = {}
 
 
 def fly(job: FaultJob) -> Outcome:
-    """It takes no time, and one flight is lost; somebody may press Ctrl-C."""
+    """It takes no time, and one flight is lost; Ctrl-C may be pressed."""
     if len(flown) == stop.get("after"):
         raise KeyboardInterrupt
     flown.append(job.seed)

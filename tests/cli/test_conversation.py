@@ -1,5 +1,5 @@
 """A command's talk with the autopilot over a link that is written here: what goes out when and as
-whom, what of what comes is heard, and that the link is closed."""
+whom, which messages are accepted, and that the link is closed."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Line:
 
 
 class Clock:
-    """Stands until it is put on; nobody waits for it."""
+    """Stands until it is put on; there is no real waiting."""
 
     def __init__(self, now_s: float) -> None:
         self.now_s = now_s

@@ -23,7 +23,7 @@ def same(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_file_that_cannot_be_written_ends_the_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nobody takes a file of before for what was identified now."""
+    """An earlier file is not taken for what was identified now."""
     out = tmp_path / "none" / "new.toml"
     found: Any = None
     with pytest.raises(typer.Exit) as ended:

@@ -193,7 +193,7 @@ def test_systemd_finds_nothing_wrong_with_it(
 def test_in_a_home_the_service_runs_as_whose_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A user of its own could not read there; nobody's service runs as root."""
+    """A user of its own could not read there; no service runs as root."""
     monkeypatch.setattr(service_unit, "_HOMES", (tmp_path,))
     shared = service_unit.unit(["/bin/true"], [Path("/opt/tgl_soar"), Path("/etc/tgl_soar")])
     assert "DynamicUser=yes\n" in shared
@@ -288,7 +288,7 @@ def test_what_is_not_known_is_refused(
 
 @pytest.mark.parametrize(("firmware", "flown"), [("", "px4"), ("ardupilot", "ardupilot")])
 def test_an_airframe_of_ones_own_is_taken(tmp_path: Path, firmware: str, flown: str) -> None:
-    """Its firmware too, unless another one is named; and nobody calls it a copy of another."""
+    """Its firmware too, unless another one is named; and it is not called a copy of another."""
     text = shipped("airframes/eclipson_c.toml").read_text().replace('"Eclipson Model C"', '"own"')
     own = tmp_path / "own.toml"
     own.write_text(text.replace('firmware = "bridge"', 'firmware = "px4"'))

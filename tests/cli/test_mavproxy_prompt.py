@@ -24,7 +24,7 @@ from tgl_soar.cli.mavproxy_tgl import USAGE, PromptError, TglModule
     ],
 )
 def test_the_usage_is_reported_for_what_is_no_order(typed: str) -> None:
-    module = TglModule.__new__(TglModule)  # without a vehicle: whoever sends finds nobody
+    module = TglModule.__new__(TglModule)  # without a vehicle: whatever is sent has no receiver
     with pytest.raises(PromptError, match="usage") as refused:
         module._obey(typed.split())
     assert USAGE in str(refused.value)

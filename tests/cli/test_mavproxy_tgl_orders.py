@@ -1,4 +1,4 @@
-"""The command `tgl` of MAVProxy on made-up messages: what is heard, sent, shown and refused."""
+"""The command `tgl` of MAVProxy on made-up messages: what is received, sent, shown and refused."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_what_is_sent_is_for_the_module_of_the_system_that_was_received() -> Non
 def test_what_of_the_line_is_not_known_is_asked_for_every_two_seconds() -> None:
     module, master = station()
     module.fetch(10.0)
-    assert master.taken() == []  # nobody is there
+    assert master.taken() == []  # no module is there
     module.take(message(beat()), 10.0)
     module.take(message(value_of("TGL_X", 0.5)), 10.0)
     module.fetch(10.0)

@@ -359,7 +359,7 @@ def test_bodies_are_listed_from_the_first_frame_on(monkeypatch: pytest.MonkeyPat
     assert rows[0].age_s == 0.005
     assert rows[0].silent_s == pytest.approx(0.0, abs=0.021)
     assert feed.now_s == pytest.approx(50.0 + 50 * 0.02 + 2.0, abs=0.05)
-    assert feed.sent == []  # nobody has answered: nothing is asked of the server
+    assert feed.sent == []  # no answer yet: nothing is asked of the server
 
 
 def test_the_server_is_told_twice_a_second_that_somebody_listens(
@@ -414,7 +414,7 @@ def test_the_server_is_the_options_the_sites_or_whichever_answers() -> None:
     assert own is not None
     asked = mocap._wanted(HALL_SITE, "", "")
     assert (asked.server, asked.command_port) == (own.server, own.command_port)
-    assert asked.body == 2**31 - 1  # nobody's
+    assert asked.body == 2**31 - 1  # of no body
     other = mocap._wanted(HALL_SITE, "10.0.0.9:1234", "10.0.0.2")
     assert (other.server, other.command_port, other.interface) == ("10.0.0.9", 1234, "10.0.0.2")
     assert mocap._wanted(None, "", "").server == "discover"

@@ -1,4 +1,4 @@
-"""`tgl-soar site init`: what is asked of the draft, what is said of it, and what is refused; the
+"""`tgl-soar site init`: what is asked of the draft, its report, and what is refused; the
 draft itself is made up."""
 
 from __future__ import annotations

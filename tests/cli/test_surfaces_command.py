@@ -50,7 +50,7 @@ def test_on_the_bench(tmp_path: Path) -> None:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            # Tests that run in the background of a shell have been told to ignore it.
+            # Tests that run in the background of a shell are set to ignore it.
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         ) as stopped:
             assert stopped.stdout is not None
@@ -113,7 +113,7 @@ class Bare:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            # Tests that run in the background of a shell have been told to ignore some.
+            # Tests that run in the background of a shell are set to ignore some.
             preexec_fn=lambda: [
                 signal.signal(n, signal.SIG_DFL) for n in (*watchdog.ENDS, *watchdog.STOPS)
             ],

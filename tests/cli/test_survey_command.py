@@ -128,7 +128,7 @@ def slanted(metres: float, sigmas_m: list[float]) -> DrawnContour:
 def test_the_survey_of_a_number_is_drawn_and_usually_the_last(
     words: tuple[str, ...], which: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its length, its median error, and the larger one of its ends are told."""
+    """Its length, its median error, and the larger one of its ends are reported."""
     monkeypatch.setattr(surveys_from_log, "surveys_of", lambda _flight: [0, 1, 2])
     drawn: list[int] = []
 

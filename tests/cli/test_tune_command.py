@@ -178,7 +178,7 @@ def test_what_cannot_be_is_refused_before_anything_is_sought(
 def test_a_site_where_nobody_can_fly_is_refused_before_anything_is_sought(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the way out that is told is one: nothing of another task is in its way."""
+    """And the way out that is named is one: nothing of another task is in its way."""
     text = shipped("sites/tunnel.toml").read_text(encoding="utf-8")
     for table in ("air", "start"):
         text = re.sub(rf"(?ms)^\[{table}\].*?(?=^\[)", "", text)

@@ -1,4 +1,4 @@
-"""What follows from an airframe file, computed anew from the equations of the pages' docstrings.
+"""What follows from an airframe file, computed again from the equations in the docstrings.
 
 The made-up aircraft has round figures: 2 kg, 0.5 m², 2 m of span, 0.25 m of chord, in air of
 1.2 kg/m³ and a gravity of 10 m/s².

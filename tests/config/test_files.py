@@ -1,4 +1,4 @@
-"""Airframe and site files: good ones, and every kind of bad one with what it is told."""
+"""Airframe and site files: good ones, and every kind of bad one with its message."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_a_good_airframe(tmp_path: Path) -> None:
         c0=9.0, c1=-2.0, c2=0.2, c3=-0.005, speed_min_mps=7.5, speed_max_mps=12.0
     )
     assert airframe.model == {"CL0": 0.2}
-    assert airframe.autopilot.component_id == 191  # an onboard computer, where nothing is said
+    assert airframe.autopilot.component_id == 191  # an onboard computer, by default
 
 
 def test_a_good_site(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Whose gains of pitch a flight begins with, as operators are told."""
+"""Whose gains of pitch a flight begins with, as reported to operators."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def words(plane: Airframe) -> str:
 def test_gains_of_another_aircraft_are_named_as_such(
     parameters: dict[str, float], missing: list[str], why: str
 ) -> None:
-    """Nobody has found any for an aircraft that nobody knows."""
+    """None were found for an unknown aircraft."""
     model = {name: value for name, value in PLANE.model.items() if name not in missing}
     text = words(replace(PLANE, model=model, parameters=parameters))
     assert text.startswith("gains of pitch: those of the Eclipson Model C: ")

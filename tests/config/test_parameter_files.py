@@ -93,7 +93,7 @@ def test_the_rows_are_those_of_each_ground_station() -> None:
         "3\t191\tTGL_X\t0.1\t9",
         "3\t191\tLOOP_RATE\t200\t9",
     ]
-    vehicle, *_, row = written(values, QGC).splitlines()  # the first one, unless it is told
+    vehicle, *_, row = written(values, QGC).splitlines()  # the first one by default
     assert vehicle == "# Onboard parameters for Vehicle 1"
     assert row == "1\t191\tLOOP_RATE\t200\t9"
 

@@ -70,8 +70,8 @@ def test_a_folder_that_cannot_be_looked_at_is_reported_at_the_start(tmp_path: Pa
 
 @pytest.mark.parametrize("looking", [False, True])
 def test_a_place_that_cannot_be_written_is_reported_at_the_start(looking: bool) -> None:
-    """Not at the first change in flight; who only looks needs no place to write."""
-    unwritable = Path("/proc/none/vehicle.params")  # where nobody makes a folder
+    """Not at the first change in flight; a reader needs no place to write."""
+    unwritable = Path("/proc/none/vehicle.params")  # where no folder can be made
     kept = store(unwritable)
     found = kept.restore(looking=looking)
     assert found.values == BASE
@@ -99,7 +99,7 @@ def test_only_what_differs_from_the_files_is_kept() -> None:
 
 
 def test_gains_of_another_aircraft_than_the_declared_are_kept_as_one_set() -> None:
-    """Where they are sought anew, one of them alone would be relative to others."""
+    """Where they are designed again, one of them alone would be relative to others."""
     own = BASE.changed({"RHO_SPEED": 9.2, "ELE_FREQ": 7.1, "RHO_P": 0.6})
     kept = to_keep(own.changed({"RHO_D": 0.3}), own)
     assert set(kept) == {*PITCH_GAINS, *ANCHORS}
@@ -296,7 +296,7 @@ def test_a_first_start_beside_what_another_id_has_kept_is_reported(
 def test_what_was_kept_for_another_vehicle_is_neither_flown_nor_written_over(
     path: Path, other: Identity, ending: str
 ) -> None:
-    """As of a file that somebody has copied to where ours would lie."""
+    """As of a file that was copied to the path of ours."""
     file = path.with_name(path.name + ending)
     file.parent.mkdir()
     data = state_text(other, {"TGL_X": 1.0})
@@ -382,7 +382,7 @@ while True:
 
 
 def test_a_kill_at_any_moment_of_writing_leaves_a_good_copy(path: Path) -> None:
-    """Killed in the middle of a write, again and again: what was told as written is there."""
+    """Killed in the middle of a write, again and again: what was reported as written is there."""
     for attempt in range(12):
         running = subprocess.Popen(
             [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True

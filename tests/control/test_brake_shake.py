@@ -1,4 +1,4 @@
-"""A brake that is shaken: told by an aircraft that heaves, in gusts that its law answers."""
+"""A brake that is shaken: detected by an aircraft that heaves, in gusts that its law answers."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def step(state: ShakeState, **changed: Any) -> ShakeState:
 
 
 def test_it_begins_after_three_and_a_half_seconds_at_an_end() -> None:
-    """A share that comes up by 1 - exp(-t / 10 s): three tenths after 3.57 s."""
+    """A fraction that comes up by 1 - exp(-t / 10 s): three tenths after 3.57 s."""
     state, time_s = NOT_SHAKEN, 0.0
     while not state.on:
         state, time_s = step(state), time_s + DT_S

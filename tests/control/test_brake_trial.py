@@ -67,7 +67,7 @@ def to_and_fro(state: TrialState, q: float) -> TrialState:
 
 
 def test_a_brake_is_tried_after_fourteen_seconds_at_an_end() -> None:
-    """Of a share that comes up by 1 - exp(-t / 10 s): three quarters after 13.9 s."""
+    """Of a fraction that comes up by 1 - exp(-t / 10 s): three quarters after 13.9 s."""
     state, time_s = NOT_TRIED, 0.0
     while not state.on:
         state, time_s = step(state, dt_s=0.005), time_s + 0.005

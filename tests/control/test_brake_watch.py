@@ -1,4 +1,4 @@
-"""Whether the brake does what it is commanded: told by what an aircraft does that slides."""
+"""Whether the brake does what it is commanded: detected by the motion of a sliding aircraft."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ GUST_MPS, GUST_S = 0.15, 0.3  # of what lifts, some 2 % of the wind
 
 
 class Slide:
-    """An aircraft on the line, as the brake's law sees it: its place, its speed, and its roll loop.
+    """An aircraft on the line, as the brake's law gets it: its place, its speed, and its roll loop.
 
     `room`: how far the brake may go; `effect`: of what the brake is commanded, what it does;
     `stuck`: where a half or all of it stands that does not move; `roll`: aileron for all of the
@@ -333,7 +333,7 @@ def test_a_point_may_give_way_until_the_brake_is_in_the_middle_again(along: floa
     held_m = along + gives.state.given_way_m
     assert abs(held_m) < 0.1  # in the band, about its middle
     assert abs(gives.state.off_m) < 0.05
-    # Who takes leave to give way back has the point where it was ordered.
+    # A law that may no longer give way has the point where it was ordered.
     kept = gives.fly(LAWS.brake._replace(along_m=along), DT)
     assert kept.state.given_way_m == 0.0
     # The next order is flown as it is given.

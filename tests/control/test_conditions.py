@@ -143,7 +143,7 @@ ALL = (
         ({"faults": h.DISAGREES}, {}, 49.9, s.ATTITUDE_AGREES),
         ({"faults": h.AIRSPEED}, {}, 49.9, s.AIRSPEED_SANE),
         ({"surfaces_answer": 0}, {}, 49.9, s.SURFACES_ANSWER),
-        ({"surfaces_answer": -1}, {}, 49.9, 0),  # nobody knows
+        ({"surfaces_answer": -1}, {}, 49.9, 0),  # unknown
         ({}, {"failsafe": True}, 49.9, s.NO_FAILSAFE),
         ({}, {"accepts_surfaces": False}, 49.9, s.SURFACES_OBEY),
     ],
@@ -240,7 +240,7 @@ def test_a_jump_near_the_line_is_unsettled_in_a_young_mode_on_it_alone(mode: int
 
 @pytest.mark.parametrize("mode", range(s.BEATING + 1))
 def test_what_is_foreseen_is_of_a_line_that_is_flown(mode: int) -> None:
-    """In other modes it begins anew."""
+    """In other modes it is reset."""
     line = LineState(x_m=0.0, z_m=10.0, eta_rad=1.8, speed_mps=0.0, moving=False)
     feels = NO_AIR._replace(wind_mps=9.0, wind_sigma_mps=0.2, updraft_mps=0.8, airspeed_mps=9.0)
     laws = LAWS._replace(forecast=LAWS.forecast._replace(act=f.REPORT))

@@ -329,7 +329,7 @@ ROOM = LIMITS._replace(elevator_room=0.25, elevator_per_radps=0.2)
         (ROOM, 0.1, 0.5 * MARGIN_FULL, 0.0, 0.35),  # near the stall half of the travel is less, …
         (ROOM, 0.1, 0.25 * MARGIN_FULL, 0.0, 0.275),  # … or it is not
         (ROOM, 0.1, -1.0, 0.5, 0.1),  # beyond, nothing
-        (LIMITS, 0.1, inf, 0.5, 0.8),  # of an aircraft that nobody knows: all of it
+        (LIMITS, 0.1, inf, 0.5, 0.8),  # of an unknown aircraft: all of it
     ],
 )
 def test_the_elevator_goes_no_further_than_what_holds_the_stall(

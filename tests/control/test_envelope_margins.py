@@ -187,7 +187,7 @@ def test_the_ground_is_as_near_as_a_line_square_to_it_is_long() -> None:
 def test_of_two_frames_the_one_in_which_the_ground_is_nearer_counts(
     shift: tuple[float, float, float], other: bool
 ) -> None:
-    """Nobody knows in which of them it is right."""
+    """It is unknown in which of them it is right."""
     there = over(2.0 + shift[0], 6.0 + shift[2])
     here = over(2.0, 6.0)
     assert margins(shift=shift).clearance_m == pytest.approx(there if other else here)
@@ -219,7 +219,7 @@ def test_ground_of_which_the_site_knows_nothing_is_as_near_as_it_is_seen() -> No
 
 
 def test_level_ground_of_a_known_height_is_seen_from_there() -> None:
-    """A profile of one point: what the rangefinder sees is over it."""
+    """A profile of one point: the rangefinder's distance is over it."""
     level = Ground(1, (0.0,) * GROUND_POINTS, (2.0,) * GROUND_POINTS)
     ranged = NO_RANGE._replace(bound_m=-2.5)
     laws = LAWS._replace(ground=level)

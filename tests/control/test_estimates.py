@@ -251,7 +251,7 @@ TUBE = AirspeedSample(5, START_S, TUBE_MPS)
 
 
 def watched(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> dict[str, Any]:
-    """What the watch of the tube is told in a tick."""
+    """The inputs of the watch of the tube in a tick."""
     with monkeypatch.context() as patch:
         asked = asked_of(patch, "pitot_step")
         tick(airspeed=TUBE, **changes)
@@ -293,7 +293,7 @@ def test_a_tube_that_lies_is_done_without_and_the_wind_begun_again(
 
 
 def test_nor_is_it_believed_because_the_pilot_flies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """That is no fault: what cannot be believed again before it flies would never engage."""
+    """That is no fault: a tube that cannot be accepted again before it flies would never engage."""
     asked = asked_of(monkeypatch, "wind_step")
     memory = KNOWN._replace(pitot=NO_PITOT_WATCH._replace(lies=True, apart_s=0.3))
     found = tick(memory=memory, airspeed=TUBE, flying=False)
@@ -372,7 +372,7 @@ def test_accelerations_that_fall_silent_are_replaced_by_steady_flight(
 def test_the_elevator_is_where_it_is_reported_else_where_we_command_it(
     monkeypatch: pytest.MonkeyPatch, reported: float, flying: bool, elevator: float
 ) -> None:
-    """Without control nobody knows what the pilot's stick does to it."""
+    """Without control the effect of the pilot's stick on it is unknown."""
     asked = asked_of(monkeypatch, "wind_step")
     tick(flying=flying, surfaces=surfaces_sample(1, START_S, (reported, 0.0, 0.0)))
     assert asked[0][0][5] == pytest.approx(elevator, nan_ok=True)

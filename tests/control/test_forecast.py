@@ -126,7 +126,7 @@ def crossing(z_m: float, slope_per_s: float) -> Callable[[float], float]:
 def test_a_line_that_crosses_the_contour_is_foreseen_to_settle_there(
     start_m: float, gusts: float
 ) -> None:
-    """It is never told otherwise, and the place is right within three of its own standard
+    """It is never reported otherwise, and the place is right within three of its own standard
     deviations, or 15 cm: what the gusts of 3 % move the aircraft by in three seconds."""
     for seed in range(8):
         flown = Slide(crossing(1.6, 1.0), 1.6 + start_m, gusts=gusts, seed=seed).fly(4.0)
@@ -143,7 +143,7 @@ def test_a_line_without_a_crossing_is_reported_in_time_and_with_height_in_hand(
     excess_mps: float, gusts: float
 ) -> None:
     """Excess updraft that is the same all the way down: no slope's air, and the hardest to tell, as
-    near the ground a slope's grows fast.  Fast sinking is told 1.5 s after the window is filled or
+    near the ground a slope's grows fast.  Fast sinking is found 1.5 s after the window is full or
     0.3 s before the clearance, slow sinking above it."""
     for seed in range(8):
         slide = Slide(lambda _: excess_mps, 1.5, gusts=gusts, seed=seed)
@@ -165,7 +165,7 @@ def test_a_hope_that_fades_on_the_way_is_reported_above_the_clearance() -> None:
 
 
 def test_no_bias_of_updraft_or_polar_makes_a_resting_aircraft_sink() -> None:
-    """Half of all updraft not seen: at rest E is 0 all the same."""
+    """Half of all updraft not measured: at rest E is 0 all the same."""
     slide = Slide(crossing(1.2, 1.0), 1.2, updraft_bias_mps=-0.6, gusts=0.01)
     time_s, _, foreseen = slide.last(6.0)
     assert time_s > 5.9

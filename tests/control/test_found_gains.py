@@ -133,7 +133,7 @@ def test_another_aircraft_is_one_that_differs_by_more_than_a_twentieth(name: str
 
 
 def test_the_speed_at_which_an_aircraft_is_known_is_reckoned_with() -> None:
-    """The period goes with V, the effect with V²: the same aircraft told at 17 m/s."""
+    """The period goes with V, the effect with V²: the same aircraft given at 17 m/s."""
     at = VALUES.changed({"DYN_SPEED": 17.0, "DYN_FREQ": 23.0, "DYN_DAMP": 0.75})
     assert on_found_aircraft(at.changed({"DYN_EFFECT": 124.0}))
     assert not on_found_aircraft(at.changed({"DYN_EFFECT": 31.0}))

@@ -98,7 +98,7 @@ def test_a_switch_in_steady_flight_moves_the_pitch_setpoint_no_faster_than_the_g
 ) -> None:
     """A steady distance and rate: 2 cm and 0.1 m/s, what 3 % turbulence gives.
 
-    In one tick the share moves by 0.05 at most: the setpoint by 0.05 (1.07 · 0.02 + 0.085 · 0.1)
+    In one tick the weight moves by 0.05 at most: the setpoint by 0.05 (1.07 · 0.02 + 0.085 · 0.1)
     = 1.5 mrad, and by what the integral adds anyhow, 0.24 · 0.02 · 5 ms.  On the line and at rest
     it does not move at all.
     """

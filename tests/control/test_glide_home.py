@@ -184,7 +184,7 @@ def test_it_lies_on_the_ground_when_it_has_stood_still_low() -> None:
 
 
 def test_standing_still_counts_from_the_landing_on_and_only_where_the_height_is_known() -> None:
-    """Who soars stands still all the time, and in a tunnel less than a metre over the board."""
+    """In soaring it stands still all the time, and in a tunnel less than a metre over the board."""
     soared = stood(5.0, NO_ESCAPE, 0.0, lands=False)
     now = at(5.0, z_m=0.1, climb_mps=0.0)
     soared = escape_step(PARAMS, soared, AWAY._replace(goes_home=True), now, air(), DT)

@@ -138,7 +138,7 @@ def test_the_least_wind_that_has_carried_it_is_averaged_over_ten_seconds() -> No
     assert falling.carried_mps == falling.wind_mps < 8.0
     for lost in (
         step(falling, view=FLIES, params=WAITS),
-        step(falling, view=SOARS),  # who does not wait
+        step(falling, view=SOARS),  # that does not wait
         step(falling, view=SOARS, params=WAITS, blows=air(wind_mps=nan)),
     ):
         assert lost.carried_mps == inf

@@ -254,8 +254,8 @@ def touch_down(
     wrong_mps: float = 0.0,
     cross_mps: float = 0.0,
 ) -> tuple[float, float]:
-    """How far beyond the place and to the right of it [m] it touches down, as a point that does
-    what it is told; falls: the share of the wind that is gone at the ground, evenly from 14 m on;
+    """How far beyond the place and to the right of it [m] it touches down, as a point
+    that does as commanded; falls: the fraction of the wind gone at the ground, evenly from 14 m on;
     lag_s: of the nose; wrong_mps: by which the wind is taken for more than it is; cross_mps: wind
     to the right."""
     state, speed, y_m, psi = NO_GLIDE, SLOWEST, 0.0, 0.0
@@ -504,7 +504,7 @@ def test_what_is_no_stall() -> None:
     sink = polar_sink(POLAR, SLOWEST)
     for climb, nose_held in ((-2.5, False), (-sink - 0.4, True), (1.0, True)):
         assert not held(5.0, NO_GLIDE, climb_mps=climb, nose_held=nose_held).stalled
-    assert held(5.0, NO_GLIDE, climb_mps=0.0, sure=False).stalled  # nobody knows how it sinks
+    assert held(5.0, NO_GLIDE, climb_mps=0.0, sure=False).stalled  # its sink is unknown
     flaring = NO_GLIDE
     for k in range(400):
         vehicle = at(k * DT, z_m=1.5, climb_mps=-2.5)

@@ -1,5 +1,5 @@
 """The way home against the equations of its page, number by number: the height that is left, the
-speed, the weave, what the pitch is asked for, and how a stall is told."""
+speed, the weave, what the pitch is asked for, and how a stall is detected."""
 
 from __future__ import annotations
 
@@ -412,7 +412,7 @@ def test_the_pitch_is_the_glide_s_and_what_the_speed_is_off() -> None:
     assert setpoints(state, air(), pitches=unknown).pitch_rad == pytest.approx(
         radians(-4.0) + 0.01 + 0.05 * (8.8 - 9.0)
     )
-    # An airspeed that nobody measures may lower the nose and raise it no further than the slowest.
+    # An airspeed that is not measured may lower the nose and raise it no further than the slowest.
     quick = air(airspeed_mps=9.8, measured=False)
     assert setpoints(state, quick).pitch_rad == -0.03
     assert setpoints(state, quick._replace(measured=True)).pitch_rad == pytest.approx(0.0)
@@ -464,7 +464,7 @@ def test_on_the_way_out_it_flies_along_the_way_out_and_weaving_along_its_nose() 
 
 
 def test_a_weave_may_bank_steeper_the_higher_it_is() -> None:
-    """By half as much from 10.5 m over the place on, where turns have told the speed."""
+    """By half as much from 10.5 m over the place on, where turns have shown the speed."""
     shown = NO_AIRSPEED_ERROR._replace(weight=1e4, by_nose2=1e4)
     state = GLIDING._replace(weave_rad=0.5, airspeed_error=shown)
     blind = air(measured=False)

@@ -1,4 +1,4 @@
-"""The way home with an airspeed that nobody measures, in numbers: when it looks and how far, from
+"""The way home with an airspeed that is not measured, in numbers: when it looks and how far, from
 where it flies narrow, when it turns at all, and how steep."""
 
 from __future__ import annotations

@@ -208,7 +208,7 @@ def test_it_banks_steeper_high_up_alone() -> None:
 
 
 def test_it_banks_no_steeper_where_that_may_stall_it_or_is_of_no_use() -> None:
-    """Not before turns have told the airspeed; and the weave of a measured one stays as it was."""
+    """Not before turns have shown the airspeed; and the weave of a measured one stays as it was."""
     for by_nose2, is_known in ((0.5, False), (0.6, True)):
         error = NO_GLIDE.airspeed_error._replace(nose=0.0, weight=40.0, by_nose2=by_nose2)
         assert (error_sigma(error) <= landing.STEEP_MPS) == is_known

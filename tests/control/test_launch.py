@@ -1,4 +1,4 @@
-"""From the hand to the line: what a launch sees, and what it is given up for."""
+"""From the hand to the line: what a launch observes, and what it is given up for."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PARAMS = LaunchParams(
 
 
 def view(time_s: float, **changes: Any) -> LaunchView:
-    """Nothing moves; `push`: what the accelerometer feels beyond gravity along x; `old_s`: how old
+    """Nothing moves; `push`: the specific force along x beyond gravity; `old_s`: how old
     that is."""
     push, pitch = changes.pop("push", 0.0), changes.pop("pitch_rad", 0.05)
     speed, climb = changes.pop("upwind_mps", 0.0), changes.pop("climb_mps", 0.0)

@@ -1,4 +1,4 @@
-"""What launch, way home and beating see of a tick, and what the supervisor is told of them."""
+"""The inputs of launch, way home and beating in a tick, and what the supervisor is given."""
 
 from __future__ import annotations
 
@@ -326,7 +326,7 @@ def test_what_flies_already_is_in_no_hand() -> None:
     assert hand_conditions(ASKED, fast, lost, high) != 0
 
 
-# --- what the supervisor is told ----------------------------------------------------------------
+# --- what the supervisor is given ---------------------------------------------------------------
 
 
 def found(
@@ -384,7 +384,7 @@ def test_it_breaks_off_when_told_or_when_the_height_is_gone_and_it_may(
 
 
 def reckoned(seconds: float, **changes: Any) -> Estimates:
-    """Dead reckoned alone for so long: no longer sure of its place, and young."""
+    """Dead reckoned alone for so long: no longer confident in its place, and young."""
     health = HEALTHY._replace(position_ok=False, **changes)
     return at_hand(health=health, quality=HERE.quality._replace(reckoned_s=seconds))
 

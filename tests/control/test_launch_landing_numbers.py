@@ -394,7 +394,7 @@ def test_each_glide_is_told_what_it_needs(
     else:
         assert given == (LAWS.beat, LAWS.landing, LAWS.target, state.glide)
         assert named["position_ok"]
-        assert named["returns"]  # nobody has asked for it
+        assert named["returns"]  # it was not asked for
     lost = with_health(position_ok=False)
     guided(mode, state, lost)
     given, named = asked[1]

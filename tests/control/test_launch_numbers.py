@@ -31,7 +31,7 @@ LEVEL = STILL._replace(time_s=NOW, z_m=5.0, pitch_rad=0.05)
 
 
 def view(push: float = 0.0, old_s: float = 0.0, **changes: Any) -> LaunchView:
-    """What is felt is a push beyond gravity."""
+    """A push beyond gravity is measured."""
     vehicle = LEVEL._replace(**changes.pop("vehicle", {}))
     force = push + G * sin(vehicle.pitch_rad)
     usual = LaunchView(

@@ -236,7 +236,7 @@ def test_how_far_the_elevator_may_go_follows_from_the_airframe_its_trim_and_the_
     assert laws_of(names, aero).envelope.elevator_per_radps == pytest.approx(
         elevator_of_rate(aero, own["DYN_BEST"]), rel=1e-5
     )
-    assert laws_with().envelope.elevator_room == inf  # of an aircraft that nobody knows
+    assert laws_with().envelope.elevator_room == inf  # of an unknown aircraft
 
 
 # --- travels ------------------------------------------------------------------------------------
@@ -414,7 +414,7 @@ def test_the_fence_has_the_sides_that_are_given() -> None:
     assert fence_of(values)._asdict() == {f"{k.lower()}_m": v for k, v in sides.items()}
 
 
-# --- what the schedules are told ----------------------------------------------------------------
+# --- what the schedules are given ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("rate_hz", "longer_s"), [(250.0, 0.0), (200.0, 0.0), (100.0, 0.0025)])
@@ -506,7 +506,7 @@ def test_the_airframe_s_numbers_go_where_the_air_is_read_and_home_is_sought() ->
 
 
 def test_the_brake_is_balanced_by_incidence_and_elevator() -> None:
-    """All of it takes lift, which a larger incidence gives back, and its moment and that of the
+    """All of it takes lift, which a larger incidence restores, and its moment and that of the
     incidence are the elevator's."""
     brake = laws_of({}, PLANE).brake
     assert brake.available

@@ -148,7 +148,7 @@ def test_force_acts_once_and_is_reported() -> None:
     assert there.set("OP_FORCE", 1) == ["OP_FORCE"]
     assert there.set("RHO_P", 0.5) == ["RHO_P"]  # no move: it waits
     assert there.set("TGL_X", 3.5) == ["TGL_X", "OP_FORCE"]
-    assert "outside the fence" in there.words  # made, and told
+    assert "outside the fence" in there.words  # made, and reported
     assert (there.line[0], there.shown["OP_FORCE"]) == (3.5, 0.0)
     assert there.set("TGL_X", 3.5) == ["TGL_X"]  # repeated: it stands there
     assert there.words == ""

@@ -94,7 +94,7 @@ def sideways_by_matrices(loop: Sideways) -> tuple[float, float]:
         per_aileron = np.array((0.0, known.roll_effect_radps2, known.yaw_of_aileron_radps2))
         per_rudder = np.array((known.side_of_rudder_mps2, 0.0, known.yaw_effect_radps2))
         per_aileron, per_rudder = per_aileron * faster**2, per_rudder * faster**2
-        # What the surfaces are commanded, as rows of what is seen.
+        # What the surfaces are commanded, as rows of what is measured.
         old = late = ahead = 1.0 + 0j
         if not loop.inertial:
             old, late = np.exp(-s * FIXES_LATE_S), np.exp(-s * ATTITUDES_LATE_S)

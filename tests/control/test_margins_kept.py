@@ -1,4 +1,4 @@
-"""Margins that are kept: a parameter that they do not follow from has nothing computed anew, and
+"""Margins that are kept: a parameter that they do not follow from has nothing computed again, and
 one that they do follow from always has."""
 
 from __future__ import annotations

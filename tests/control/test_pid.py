@@ -224,7 +224,7 @@ def fly(state: PidState, x: float, setpoint: float, seconds: float, law: str) ->
     """x [-] over time, and last the integral [-], of the plant x' = (u - x) / 0.5 s, |u| <= 1.
 
     law: "here" has the limit in the law; "downstream" behind it, where only `blocked` tells of
-    it, one step late as in the autopilot; "naive" has it there and is told nothing.
+    it, one step late as in the autopilot; "naive" has it there and is given nothing.
     """
     g = PI if law == "here" else PI._replace(output_min=-1e9, output_max=1e9)
     blocked, path = 0, []

@@ -1,4 +1,4 @@
-"""When a propeller may be used, what it is told, and what the laws and the air are told of it."""
+"""When a propeller may be used, its command, and what the laws and the air are given of it."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def test_it_is_told_how_fast_one_that_soars_is_brought_back(
     back = SETTLES._replace(slope_per_s=-1.2)
     assert view(ahead=back).returns_per_s == 1.2
     assert view(ahead=back._replace(excess_mps=-0.39)).returns_per_s == 1.2
-    # Who sinks like that, or is driven away, or has no place, is not brought back.
+    # An aircraft that sinks like that, or is driven away, or has no place, is not brought back.
     for lost in (
         back._replace(excess_mps=-0.41),
         back._replace(slope_per_s=0.3),
@@ -252,7 +252,7 @@ SHORT = escape(armed=True, left_m=-2.0)
     ("mode", "ahead", "way", "is_known"),
     [
         (modes.SOARING, SETTLES, SHORT, False),
-        # A third of a glider's sink: who sinks by more does not soar, whatever is foreseen.
+        # A third of a glider's sink: what sinks by more does not soar, whatever is foreseen.
         (modes.SOARING, SETTLES._replace(excess_mps=-0.39), SHORT, False),
         (modes.SOARING, SETTLES._replace(excess_mps=-0.41), SHORT, True),
         (modes.SOARING, SINKS._replace(excess_mps=-0.1), SHORT, True),
@@ -343,7 +343,7 @@ def test_a_budget_that_was_used_up_is_new_once_disarmed() -> None:
     assert (again.standing, again.used_s) == (CLOSED, 0.0)
 
 
-# --- what the others are told -------------------------------------------------------------------
+# --- what the others are given ------------------------------------------------------------------
 
 
 def test_the_air_is_read_without_the_propeller_s_pull() -> None:

@@ -160,7 +160,7 @@ def test_where_the_source_says_it_is_counts_too(axis: int) -> None:
 def test_a_nearer_ground_counts_as_clearance_and_a_farther_one_does_not(
     bound_m: float, clearance_m: float, known: bool
 ) -> None:
-    """5 m over a level ground; where that is not known it is as far as the rangefinder sees it."""
+    """5 m over a level ground; where that is not known it is as far as the rangefinder measures."""
     level = Ground(2, (-50.0, 50.0, *(50.0,) * 6), (0.0,) * 8)
     laws = LAWS._replace(ground=level if known else NO_GROUND)
     ranged = NO_GROUND_RANGE._replace(bound_m=bound_m)

@@ -308,7 +308,7 @@ def test_recovering_ends() -> None:
 @pytest.mark.parametrize("mode", [m for m in FLYING if m not in (s.BREAKING_OFF, s.LANDING)])
 def test_no_mode_in_control_looks_away_from_the_fence(mode: int) -> None:
     """On the estimate, whether the position is fresh or lost: only a mode on the line that has
-    just settled into holding leaves the fence to the next tick, and who breaks off leaves it."""
+    just settled into holding leaves the fence to the next tick, and breaking off leaves it."""
     everything = walk(mode)
     flies = np.isin(everything.to, FLYING)
     out = flies & everything.lacks(s.INSIDE_FENCE)

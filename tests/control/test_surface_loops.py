@@ -1,5 +1,5 @@
 """From setpoints to deflections: whose loops move which surface, what trims them, what they are
-told of stops, and which gains they fly with."""
+given of stops, and which gains they fly with."""
 
 from __future__ import annotations
 

@@ -132,8 +132,8 @@ def test_a_moving_line_is_gentle_and_arrives(
     dts: list[float],
     drift_m: float,
 ) -> None:
-    """Any limits, any jitter of the tick, the aircraft drifting: never faster than told, never
-    a harder jerk than told, and exactly on the target in the end."""
+    """Any limits, any jitter of the tick, the aircraft drifting: never faster than the limit, never
+    a harder jerk than the limit, and exactly on the target in the end."""
     dts = [*dts, 0.1]  # some time must pass
     # As many seconds away as drawn, sliding and turning.
     x0 = limits.speed_mps * seconds[0]
@@ -156,7 +156,7 @@ def test_a_moving_line_is_gentle_and_arrives(
         assert abs(new.speed_mps) <= limits.speed_mps + 1e-12
         turned = abs(new.eta_rad - state.eta_rad)
         assert turned <= limits.turn_rate_radps * dt + 1e-12
-        # What the aircraft sees: its sliding, and of turning only that a distance off the line
+        # What moves at the aircraft: its sliding, and of turning only that a distance off the line
         # is measured square to another line, d (1 - cos).
         moved = abs(error_of(new, x, z) - before)
         assert moved <= limits.speed_mps * dt + abs(before) * (1.0 - cos(turned)) + 1e-9

@@ -17,7 +17,7 @@ def test_what_a_weave_keeps_upwind_is_what_a_flown_one_covers(
     """Integrated tick by tick, to the right and back, turning so that it just fills its width."""
     speed, dt = 8.4, 1e-3
     turns_m = speed * (1.0 - cos(chi)) / WEAVE_RADPS
-    if turns_m > half_width_m:  # what fits is told by `weave_angle`
+    if turns_m > half_width_m:  # `weave_angle` gives what fits
         assert weave_angle(-1.0, half_width_m, speed, chi) < chi
         return
     psi, y, x, t, right, ways = 0.0, -half_width_m, 0.0, 0.0, True, 0

@@ -3,7 +3,7 @@ and snippet, run as it is printed.
 
 Each command that a page prints is named by the test that proves it; a new one that none names
 fails.  What is changed before it is run stands in that test, and is no more than this: ports that
-nobody else has, folders of the test for /opt and /etc, a simulated autopilot for the serial line.
+are free, folders of the test for /opt and /etc, a simulated autopilot on the serial line.
 Commands that would change this computer (apt, systemctl) are replaced by ones that only write down
 what they were asked.
 """
@@ -616,7 +616,7 @@ def test_it_becomes_a_service(companion: Companion) -> None:
 
 @contextmanager
 def on_the_bench(companion: Companion) -> Iterator[Callable[[str], str]]:
-    """A simulated autopilot on its stand; how a command is said to it."""
+    """A simulated autopilot on its stand; how a command is sent to it."""
     link = f"127.0.0.1:{free_port()}"
     airframe = companion.folder / "etc" / "tgl_soar" / "airframe.toml"
     written = airframe.read_text()

@@ -16,7 +16,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 EXTRA = ("sphinx", "myst_parser", "furo", "sphinxcontrib.mermaid")
 
-# As `make docs` calls it, on a computer from which nobody else can be reached.
+# As `make docs` calls it, on a computer without a network.
 WITHOUT_NETWORK = """
 import socket, sys
 def unreachable(*_given, **_named):

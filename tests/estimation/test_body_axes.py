@@ -110,7 +110,7 @@ def test_its_motion_is_that_over_the_ground_and_what_turning_adds(
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_each_rate_alone_turns_the_velocity(axis: int) -> None:
-    """From level flight upwind at 10 m/s, where all is plain: r of 1 rad/s feels a side force."""
+    """From level flight upwind at 10 m/s, all is plain: r of 1 rad/s is a side acceleration."""
     of = STILL._replace(velocity_x_mps=-10.0, climb_mps=-1.0, velocity_y_mps=2.0)
     p, q, r = (1.0 if axis == i else 0.0 for i in range(3))
     turns = of._replace(roll_rate_radps=p, pitch_rate_radps=q, heading_rate_radps=r)

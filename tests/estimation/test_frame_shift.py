@@ -176,7 +176,7 @@ def test_long_after_dead_reckoning_a_reset_moves_the_frame_again() -> None:
 
 
 def test_a_reset_soon_after_a_silence_is_followed_there_and_back() -> None:
-    """The jump to the first fix after it does not say that what is believed leads away."""
+    """The jump to the first fix after it does not show that the estimate leads away."""
 
     def fixes(k: int) -> PositionFix | None:
         now_s = k * DT

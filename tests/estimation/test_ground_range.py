@@ -291,7 +291,7 @@ def test_a_position_that_is_off_by_more_than_a_receiver_is_corrects_nothing(bias
 
 @pytest.mark.parametrize("flying", [False, True])
 def test_what_was_known_is_kept_in_a_flight_alone(flying: bool) -> None:
-    """Carried about without a distance to the ground nobody knows what the position is off by."""
+    """Carried about without a distance to the ground, the position's error is unknown."""
     sensor = Sensor().fly(1.0, bias_m=lambda _: 1.0, flying=False)
     held = sensor.found.correction_m
     last = RangeSample(sensor.sequence, sensor.time_s, HEIGHT_M)
@@ -538,7 +538,7 @@ def test_a_proof_goes_on_within_three_tenths_of_a_metre(off_m: float, stays: boo
         kept = (48.0, 4.0, low_m, high_m) if stays else (50.0, off_m, height_m, height_m)
         found = (after.proof_s, after.proof_off_m, after.proof_low_m, after.proof_high_m)
         assert found == kept
-        # After a gap of half a second it begins anew.
+        # After a gap of half a second it begins again.
         for gap_s, goes_on in ((0.49, stays), (0.51, False)):
             late = before._replace(measured_s=50.0 - gap_s)
             again = ground_range._with_proof(late, 50.0, off_m, height_m)

@@ -112,7 +112,7 @@ def test_a_clock_mapped_a_little_early_is_no_fault() -> None:
 
 
 def test_a_clock_that_went_back_makes_nothing_fresh() -> None:
-    # Nobody knows how old a sample is whose time is yet to come.
+    # The age of a sample whose time is yet to come is unknown.
     found = health(10.0, 15.0, 15.0, 15.0)
     assert (found.position_age_s, found.attitude_age_s, found.heartbeat_age_s) == (inf, inf, inf)
     assert fresh(found) == (False, False, False)
@@ -380,7 +380,7 @@ def test_a_frozen_attitude_is_as_old_as_its_last_change() -> None:
 
 
 def test_positions_and_velocities_in_different_frames_are_reported() -> None:
-    """The aircraft flies east at 4 m/s and the velocity is told in another frame: north."""
+    """The aircraft flies east at 4 m/s and the velocity is reported in another frame: north."""
 
     def flies(inputs: Inputs, k: int) -> PositionFix:
         return inputs.position._replace(
@@ -542,7 +542,7 @@ class Servo:
 def test_surfaces_that_follow_and_surfaces_that_do_not(
     every: int, delay: int, follows: bool
 ) -> None:
-    """An elevator that swings by 0.6 at 0.5 Hz, then stands at 0.6: seen 8 or 160 ms late."""
+    """An elevator that swings by 0.6 at 0.5 Hz, then stands at 0.6: reported 8 or 160 ms late."""
     watch = Watch()
     watch.flying = True
     servo = Servo(watch, delay, every, follows)

@@ -70,7 +70,7 @@ class Watched:
         return found
 
     def fix(self, time_s: float, now_s: float | None = None, **changes: Any) -> Health:
-        """A position, still moving north at 1 m/s unless something else is said."""
+        """A position, still moving north at 1 m/s by default."""
         self.number += 1
         usual = PositionFix(
             sequence=self.number,
@@ -244,7 +244,7 @@ def test_a_source_that_stands_still_on_the_ground_says_so_by_all_its_velocities(
 
 
 def tilted(pitch_deg: float) -> tuple[float, float, float]:
-    """What level flight feels with the nose so high."""
+    """The specific force of level flight with the nose so high."""
     return G * sin(radians(pitch_deg)), 0.0, -G * cos(radians(pitch_deg))
 
 
@@ -276,7 +276,7 @@ def test_the_mean_of_forces_is_taken_over_two_seconds_fifty_times_a_second() -> 
     # The nose is 0.3 rad up: level flight would feel sin and cos of it.
     assert watched.state.tilt.x == pytest.approx(0.02 * -sin(0.3), rel=1e-6)
     assert watched.state.tilt.z == pytest.approx(0.02 * (cos(0.3) - 1.0), rel=1e-6)
-    watched.with_force(2.06, tilted(0.0))  # after a silence of more than a second it begins anew
+    watched.with_force(2.06, tilted(0.0))  # after a silence of more than a second it begins again
     assert watched.state.tilt[1:] == (0.0, 0.0, 0.0)
 
 

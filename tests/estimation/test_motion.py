@@ -101,7 +101,7 @@ def flight(
     ticks: int = 800,
 ) -> Iterator[tuple[float, VehicleState]]:
     """(time, estimate) of a flight: a fix every `every` ticks, arriving `delay` ticks late, with
-    the time when it was true, or (not told) with that of its arrival."""
+    the time when it was true, or (not reported) with that of its arrival."""
     state, fix = initial_motion(), NO_FIX
     for k in range(ticks):
         if (k - delay) % every == 0 and k >= delay:
@@ -297,7 +297,7 @@ def test_half_a_velocity_is_none(place: int, bad: float) -> None:
 
 @pytest.mark.parametrize("velocity_known", [True, False])
 def test_after_a_long_gap_the_fix_is_accepted(velocity_known: bool) -> None:
-    # Nobody has measured accelerations: after a second the place is known to 0.8 m.
+    # Accelerations are not measured: after a second the place is known to 0.8 m.
     state = settled()
     later = LAST + 1.0
     speed = (0.1, 0.0, 0.0) if velocity_known else (nan, nan, nan)
@@ -416,7 +416,7 @@ def test_rates_are_those_of_the_angles_with_and_without_gyros(gyros: bool) -> No
             rates = (vehicle.roll_rate_radps, vehicle.pitch_rate_radps, vehicle.heading_rate_radps)
             assert rates == pytest.approx((0.2, -0.3, 0.5), abs=1e-6)
         else:
-            assert vehicle.roll_rate_radps == 0.0  # of one sample nobody knows
+            assert vehicle.roll_rate_radps == 0.0  # unknown from one sample
 
 
 def test_differences_over_a_gap_are_no_rates() -> None:
@@ -573,7 +573,7 @@ def test_outliers_that_do_not_agree_are_never_accepted() -> None:
 
 
 class Turns:
-    """An aircraft that stands level, and what the estimator makes of the attitudes told of it."""
+    """A level aircraft at rest, and what the estimator makes of the attitudes reported of it."""
 
     def __init__(self) -> None:
         self.state = initial_motion()

@@ -384,7 +384,7 @@ def test_slow_accelerations_are_counted_on_or_not_but_not_by_turns(hz: float) ->
 
 @pytest.mark.parametrize("delay", [90, 110, 130, 180])
 def test_a_fix_of_a_time_that_the_track_has_forgotten_is_refused(delay: int) -> None:
-    """0.45 s are remembered; fixes that are later are counted, and nobody believes in them."""
+    """0.45 s are remembered; fixes that are later are counted, and not used."""
     flown = list(flight(7, Noise(0.003, None, 0.2, 0.0), ticks=1200, delay=delay))
     for now in flown[delay + 60 :]:
         sigma = now.quality.position_sigma_m

@@ -1,4 +1,4 @@
-"""One tick of the estimator of motion: which samples count, how long, and what is said of it."""
+"""One tick of the estimator of motion: which samples count, how long, and what is reported."""
 
 from __future__ import annotations
 
@@ -396,7 +396,7 @@ def test_what_lies_in_the_future_is_of_another_clock(
         assert (after.fix.source, after.rejected) == (4, 3)
 
 
-# --- what is said of it -------------------------------------------------------------------------
+# --- what is reported ---------------------------------------------------------------------------
 
 
 def quality(

@@ -1,4 +1,4 @@
-"""The polar from glides: what it recovers, how sure it is, and what it refuses."""
+"""The polar from glides: what it recovers, its uncertainty, and what it refuses."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_outside_its_range_it_is_not_a_number() -> None:
     assert not isnan(polar_sink(fit.polar, 12.0))
 
 
-# --- how sure it is -------------------------------------------------------------------------
+# --- its uncertainty ------------------------------------------------------------------------
 
 
 def test_the_band_holds_the_truth_at_least_as_often_as_it_says() -> None:

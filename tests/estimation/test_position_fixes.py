@@ -1,4 +1,4 @@
-"""One fix and an estimate: accepted, refused or begun anew, against matrices and at each limit."""
+"""One fix and an estimate: accepted, refused or reset, against matrices and at each limit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ GAINS = MotionGains(
     reset_max_m=10.0,
     use_imu=True,
 )
-DENSITY = 2.0 * 3.0**2 * 0.1  # of an acceleration that nobody measures
+DENSITY = 2.0 * 3.0**2 * 0.1  # of an acceleration that is not measured
 LAST_S = 1.0  # of the fix before
 TRACK_V = (0.3, -0.2, 0.1)
 ERRORS = Errors(

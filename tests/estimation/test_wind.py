@@ -1,4 +1,4 @@
-"""The air as it is read from what the aircraft feels.
+"""The air as it is estimated from the forces on the aircraft.
 
 The truth is the simulated aircraft's own equations (tgl_soar.sim.aircraft): the estimator has
 its formulas from the same textbook but no line of code.

@@ -67,7 +67,7 @@ WIND, UPDRAFT, N_ERR, A_ERR, P_ERR, T_ERR, PITCH = range(7)
 
 
 def prior() -> Numbers:
-    """Of the constant errors: the axial one holds what a tilted accelerometer sees of g."""
+    """Of the constant errors: the axial one holds what a tilted accelerometer measures of g."""
     p = np.diag(
         [0.0, 0.0, LIFT**2, DRAG**2 + (G * ALIGNMENT) ** 2, PITOT**2, TRIM**2, ALIGNMENT**2]
     )
@@ -269,7 +269,7 @@ def test_every_number_is_that_of_the_matrices(
 
 
 def test_a_propeller_s_pull_is_no_force_of_the_air_s() -> None:
-    """It is taken off the axial force: as if that had been felt without it."""
+    """It is taken off the axial force: as if that had been measured without it."""
     pushed = PARAMS._replace(push_mps2=0.4)
     args = VEHICLE, VELOCITY_SD, 0.05, True
     state, _ = wind_step(pushed, at_rest(FELT), args[0], inputs(FELT, None), *args[1:])

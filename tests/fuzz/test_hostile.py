@@ -1,4 +1,4 @@
-"""The whole module in flight under frames that nobody should send.
+"""The whole module in flight under hostile frames.
 
 `python -m benchmarks.hostile --frames 1000000` is the long version, with times.
 """

@@ -1,4 +1,4 @@
-"""`tgl-soar page`, unchanged but for its clock, which goes on when somebody writes to its input.
+"""`tgl-soar page`, unchanged but for its clock, which goes on as its input is written to.
 
 A byte there is `STEP`: the clock goes on by `STEP_S`, or `MEASURE`: what the process has in memory.
 Each is answered by a line.  So a day goes by as fast as the server gets through it.

@@ -153,7 +153,7 @@ def test_a_frame_over_two_reads_of_a_stream_is_one(is_stream: bool) -> None:
     wire.waiting = [[whole[:15]], [whole[15:]], [raw]]
     desk.turn(10.0)
     assert desk._state(10.0)["now"].get("e_rho") == 0.5
-    # The other frame is one of the module's: it was heard where it was not left out.
+    # The other frame is one of the module's: it was received where it was not left out.
     assert len(wire.held) == (2 if is_stream else 1)
 
 

@@ -32,7 +32,7 @@ GONE = {"type": "websocket.disconnect", "code": 1001}
 
 
 class Socket:
-    """Receives what it is told to, then nothing more: the page is gone, or waits for ever."""
+    """Receives scripted messages, then nothing more: the page is gone, or waits for ever."""
 
     def __init__(self, messages: Iterable[dict[str, Any]], *, waits: bool = False) -> None:
         self.messages, self.waits = list(messages), waits

@@ -1,4 +1,4 @@
-"""Orders step by step on a station that a test answers for: what is sent when, and what is said."""
+"""Orders step by step on a station that a test answers for: what is sent when, and the reports."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ THERE = GhostLine(0.5, 1.5, 15.0)
 
 
 class NotedStation:
-    """A station that notes what is sent, and whose module does as a test says."""
+    """A station that notes what is sent, and whose module follows the test's script."""
 
     def __init__(self, **parameters: float) -> None:
         self.parameters: dict[str, float] = {**LINE, "TGL_STAGE": 0.0, **parameters}

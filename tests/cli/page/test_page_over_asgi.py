@@ -60,7 +60,7 @@ def answered(
     asks = [{"type": "http.request", "body": b"", "more_body": False}]
 
     async def receive() -> dict[str, Any]:
-        if not asks:  # nobody goes away
+        if not asks:  # no page disconnects
             await asyncio.Event().wait()
         return asks.pop()
 

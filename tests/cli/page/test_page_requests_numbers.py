@@ -100,7 +100,7 @@ def test_120_requests_at_once_and_then_60_a_second() -> None:
     assert [allowance.spend(10.5) for _ in range(31)] == [True] * 30 + [False]
     assert not allowance.spend(10.51)
     assert allowance.spend(10.53)
-    # Who asks nothing for long has no more than 120.
+    # A page that asks nothing for long has no more than 120.
     assert sum(allowance.spend(1000.0) for _ in range(200)) == 120
 
 

@@ -197,7 +197,7 @@ def test_garbage_and_floods_close_the_page_and_change_nothing(
     assert flood.closed() == (1008, "too many requests: open the page again")
     watcher.until(lambda page: page.state.get("holder") == 0)
     now = dict(watcher.state["now"])
-    watcher.until(lambda page: page.state["now"] != now)  # it is still told
+    watcher.until(lambda page: page.state["now"] != now)  # it still receives
     assert flying.flown.value("TGL_Z") == pytest.approx(1.15)
     watcher.end()
 
@@ -232,7 +232,7 @@ def test_ten_pages_and_one_that_takes_nothing(served: Served) -> None:
     stalled.sendall(bytes((0x81, 0x80 | len(hello), 0, 0, 0, 0)) + hello)
 
     def watch(page: Page) -> None:
-        """Everybody is there, and goes on to be told."""
+        """All pages are connected, and go on receiving."""
         page.until(lambda page: page.state.get("pages", 0) >= 10)
         before = page.state["received"]
         page.until(lambda page: page.state["received"] > before)

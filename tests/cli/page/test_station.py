@@ -276,7 +276,7 @@ NUMBERS = (nan, inf, -inf, 0.0, 1e38, -1e38, 1e-42, 4.0, 3.0, 1.3)
 
 
 def hostile_frame(random: Random) -> bytes:
-    """What the page reads, with numbers and letters that nobody means; sometimes broken."""
+    """What the page reads, with arbitrary numbers and letters; sometimes broken."""
     several = [random.choice(NUMBERS) for _ in range(58)]
     letters = random.randbytes(16)
     name = random.choice([*FAST, *SLOW]).encode()

@@ -1,4 +1,4 @@
-"""The page's ground station number by number: times, units, whose frames it hears, what it sends.
+"""The page's ground station number by number: times, units, whose frames it accepts, what it sends.
 
 Messages are made and read with pymavlink, as another program would.
 """
@@ -327,7 +327,7 @@ def test_what_is_missing_is_asked_for_by_name_every_two_seconds_while_the_module
         return [m.param_id for m in found]
 
     listener = station()
-    assert asked(5.0) == []  # nobody has spoken
+    assert asked(5.0) == []  # nothing was received
     received(listener, beat(), now_s=10.0)
     assert [m.get_type() for m in sent(listener)] == ["PARAM_REQUEST_LIST"]
     assert asked(11.99) == []  # the whole list was asked for

@@ -287,7 +287,7 @@ def test_a_map_forgets_in_a_changing_wind() -> None:
 
 
 def in_a_wind_that_changes(fraction_per_s: float, gusts_mps: float, seed: int = 0) -> LiftMap:
-    """8 s at rest at a place: all winds change by a share in each second, in white gusts."""
+    """8 s at rest at a place: all winds change by a fraction in each second, in white gusts."""
     x, z, rng = -5.0, 13.0, np.random.default_rng(seed)
     ground = Ground(1, (0.0,) * GROUND_POINTS, (0.0,) * GROUND_POINTS)
     lift = LiftMap(ground, HILL_BOX, POLAR, read((x, z), 9.0, 1.4, 9.0, 0.0), pitot=True)
