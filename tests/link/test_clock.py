@@ -1,4 +1,4 @@
-"""Stamps that do not fit: one wrong frame, a clock that is slewed, jumps, or speaks twice.
+"""Stamps that do not fit: one wrong frame, a clock that is slewed, jumps, or is there twice.
 
 Time is an argument; nothing here waits.
 """
@@ -111,7 +111,7 @@ def test_a_stamp_that_is_little_ahead_is_out_of_the_window_soon() -> None:
 
 
 def test_a_wrong_stamp_across_the_counter_s_end_moves_no_counter() -> None:
-    """The true ones are no round further because one of the end was heard."""
+    """The true ones are no round further because one of the end was received."""
     received = Autopilot(50.0)
     received.run(1.0)
     assert received.streams.time_of(ATTITUDE, MILLISECONDS_WRAP_S - 0.001, received.now_s) is None
@@ -184,7 +184,7 @@ def test_a_clock_that_jumps_is_another_one_within_a_second(jump_s: float) -> Non
         received.run(for_s, ahead_s=back)
         assert received.age_s < 0.005
         assert received.refused_s < 1.0
-        # Unless it is refused for longer than the laws bear, it is told.
+        # A refusal that lasts longer than the laws bear is reported.
         assert received.refused_s < AGE_ATT_MAX_S or received.streams.reboots > 0
     assert received.streams.reboots == 2
     received.begin_to_look()

@@ -1,4 +1,4 @@
-"""A clock that was reset above the last stamp heard, against samples that are only late."""
+"""A clock that was reset above the last stamp received, against samples that are only late."""
 
 from math import isfinite
 
@@ -41,7 +41,7 @@ class Ages:
 
 
 def test_a_restart_above_the_last_stamp_is_a_new_clock() -> None:
-    """Up for 5 s, 10 s of silence, heard again when it has been up for 8 s."""
+    """Up for 5 s, 10 s of silence, received again when it has been up for 8 s."""
     ages = Ages()
     ages.run(2.0, 2.0, 5.0)
     ages.run(17.0, 10.0, 0.9 * STEADY_LATE_S)
@@ -56,7 +56,7 @@ def test_a_restart_above_the_last_stamp_is_a_new_clock() -> None:
 
 
 def test_what_has_waited_while_we_stood_still_is_no_restart() -> None:
-    """Three seconds at once, thirty in six, and what was heard is then as fresh as ever."""
+    """Three seconds at once, thirty in six, and what is received is then as fresh as ever."""
     ages = Ages()
     ages.run(2.0, 2.0, 5.0)
     ages.run(10.0, 7.0, 3.0, pace=1e3)

@@ -58,7 +58,7 @@ def release(commands: CommandServer, *, withdrawn: bool) -> list[int]:
     return results(commands.engagement(flying=False, settled=False, withdrawn=withdrawn))
 
 
-# --- for whom ---------------------------------------------------------------------------------
+# --- by target --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def release(commands: CommandServer, *, withdrawn: bool) -> list[int]:
     [
         ((1, 191), ENGAGE, True),
         ((0, 191), ENGAGE, True),
-        ((1, 0), ENGAGE, False),  # nobody engages all components
+        ((1, 0), ENGAGE, False),  # all components are never engaged
         ((0, 0), ENGAGE, False),
         ((1, 0), RELEASE, True),  # but may tell all to release
         ((0, 0), ABORT, True),

@@ -1,4 +1,4 @@
-"""What is counted of commands, how long one is remembered, how many answers a flood gets."""
+"""What is counted of commands, how long one is kept, how many answers a flood gets."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_what_flies_is_answered_whatever_the_flood(server: CommandServer) -> Non
     assert server.counters.unanswered == 0
 
 
-# --- remembered -----------------------------------------------------------------------------------
+# --- kept -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("after_s", "is_repetition"), [(9.9, True), (10.1, False)])

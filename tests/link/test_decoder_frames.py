@@ -1,4 +1,4 @@
-"""What a decoder shows besides messages: whole frames to whoever logs them, and the version."""
+"""What a decoder shows besides messages: whole frames for the log, and the version."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tgl_soar.link.decoder import Decoder
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3)
-TIME = mavlink.MAVLink_system_time_message(1, 2)  # nobody here reads it
+TIME = mavlink.MAVLink_system_time_message(1, 2)  # it is not read here
 
 
 def packed(message: mavlink.MAVLink_message, *, v1: bool = False) -> bytes:

@@ -1,4 +1,4 @@
-"""How much work bytes can make, whoever made them: counted, not timed."""
+"""How much work any bytes can make: counted, not timed."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_of_a_line_nothing_is_left() -> None:
 
 
 def test_of_messages_and_senders_no_more_is_kept_than_some_hundreds() -> None:
-    """Whoever makes up senders fills no memory, and each of their frames is read all the same."""
+    """Made-up senders fill no memory, and each of their frames is read all the same."""
     decoder = Decoder(stream=False)
     for sender in range(1, 251):
         for message in (

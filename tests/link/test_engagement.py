@@ -243,7 +243,7 @@ def test_a_leap_that_the_time_explains_is_none() -> None:
     pilot.moves(MIDDLE, stamp_ms=50_000)
     pilot.moves(MIDDLE, stamp_ms=55_000, after_s=5.0)
     assert pilot.moves(LOW, stamp_ms=54_900) == NOTHING
-    pilot.switch.reset()  # by another clock nobody knows how much has passed
+    pilot.switch.reset()  # by another clock the time between is unknown
     pilot.moves(MIDDLE, stamp_ms=70_000)
     assert pilot.moves(LOW, stamp_ms=69_900) == NOTHING
 

@@ -1,4 +1,4 @@
-"""The bytes of each answer to who reads a file, its sessions and pieces, and when one is idle."""
+"""The bytes of each answer to a reader of a file, its sessions and pieces, and when one is idle."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_four_files_are_open_and_one_that_nobody_reads_for_ten_seconds_makes_roo
     for session in range(4):
         assert opened(server, b"/a.json", session).opcode == ACK
     server.handle(ME, asked(READ, size=5, session=0), 0, 10.0 + idle_s)  # but for this one
-    assert opened(server, b"/a.json", 3).opcode == ACK  # one of them anew
+    assert opened(server, b"/a.json", 3).opcode == ACK  # one of them again
     answer = read(server.handle(ME, asked(OPEN, b"/a.json", session=9), 0, 10.0 + idle_s))
     assert (answer.opcode == ACK) is is_dropped
     if not is_dropped:

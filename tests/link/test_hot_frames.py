@@ -75,7 +75,7 @@ THEIRS: dict[int, Callable[[Any], Inbound]] = {
 
 
 def framed(number: int, payload: bytes, *, v1: bool = False, key: bytes | None = None) -> bytes:
-    """A frame around any payload, made by nobody's codec."""
+    """A frame around any payload, made without a codec."""
     if v1:
         head = bytes((0xFE, len(payload), 7, 1, 1, number))
     else:
@@ -134,7 +134,7 @@ def test_what_pymavlink_lacks_is_framed_as_mavlink_defines_it() -> None:
 @settings(max_examples=300)
 @given(number=st.sampled_from(sorted(READERS)), data=st.data())
 def test_a_payload_reads_as_pymavlink_reads_it(number: int, data: st.DataObject) -> None:
-    """Any bytes are a payload: whole, cut off anywhere, or with fields that nobody knows yet."""
+    """Any bytes are a payload: whole, cut off anywhere, or with fields of later versions."""
     whole = mavlink.mavlink_map[number].unpacker.size
     size = data.draw(
         st.one_of(st.just(whole), st.integers(0, whole), st.integers(whole, 255)), label="size"

@@ -1,6 +1,6 @@
 """MAVLink's numbers, held against the dialect that pymavlink generates from its specification.
 
-A wrong number is a message that nobody understands, or worse another command than was meant.
+A wrong number is a message that is not understood, or worse another command than was meant.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def item(seq: int, command: int, target: int = 191, x: int = 0, y: int = 0) -> M
 
 def test_it_asks_item_by_item_and_thanks() -> None:
     reading = MissionReading(OWN)
-    assert reading.poll(0.0) == []  # nobody has asked for it
+    assert reading.poll(0.0) == []  # it was not asked for
     reading.begin()
     home, asked = reading.poll(0.0)
     assert isinstance(home, CommandLong)

@@ -1,4 +1,4 @@
-"""Reading a mission: its largest size, how often and when it is asked for, what begins anew."""
+"""Reading a mission: its largest size, how often and when it is asked for, what is reset."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_before_it_is_asked_to_nothing_is_known_and_nothing_asked(reading: Missi
     assert (reading.items, reading.is_known, reading.failed) == ([], False, "")
     assert (reading.current, reading.current_count) == (-1, 0)
     assert (reading.home, reading.restarts) == (None, 0)
-    reading.take(MissionCount(1, 191, 0))  # that nobody has asked for
+    reading.take(MissionCount(1, 191, 0))  # that was not asked for
     assert reading.poll(0.0) == []
     reading.restart()
     assert reading.restarts == 1

@@ -109,7 +109,7 @@ def back(beats: Beats, mode: int) -> bool:
 
 @pytest.mark.parametrize("silent_s", [PATIENCE_S + 0.1, 60.0])
 def test_ours_is_left_after_a_silence_too(silent_s: float) -> None:
-    """The link was lost while GUIDED was flown: nobody would come back for the aircraft."""
+    """The link was lost while GUIDED was flown: nothing would control the aircraft."""
     beats = guided(1e9)
     beats.mode = beats.shown = GUIDED
     beats.change.enter(10.0, 10.0, 2)
@@ -120,7 +120,7 @@ def test_ours_is_left_after_a_silence_too(silent_s: float) -> None:
     assert "does not leave GUIDED (no heartbeat shows it)" in beats.change.failed
     assert not beats.change.is_changing
     assert back(beats, GUIDED)
-    assert not beats.change.comes_back(beats.received_s, True, GUIDED, False)  # told once
+    assert not beats.change.comes_back(beats.received_s, True, GUIDED, False)  # reported once
     beats.change.leave(beats.now_s, float("-inf"))
     beats.run(0.1)
     assert [mode for _, mode in beats.asked] == [2]  # where it was found
@@ -187,7 +187,7 @@ def test_an_entry_that_was_withdrawn_is_left_when_it_comes_late() -> None:
     beats.change.enter(10.0, 10.0, FBWA)
     beats.run(0.2)
     beats.change.leave(beats.now_s, beats.received_s)
-    beats.run(0.2)  # a heartbeat that cannot have heard of the request yet
+    beats.run(0.2)  # a heartbeat that may have been sent before the request
     beats.mode = GUIDED
     beats.run(0.2)
     assert [mode for _, mode in beats.asked] == [GUIDED, FBWA]
@@ -256,12 +256,12 @@ def test_ours_comes_back_behind_each_failsafe_s_own_mode_and_no_other(
             (chosen, True, False),
             (chosen, True, False),
             (GUIDED, False, True),  # by itself, as its failsafe is over
-            (GUIDED, False, False),  # told once
+            (GUIDED, False, False),  # reported once
         ):
             now_s += 1.0
             assert change.comes_back(now_s, mode == GUIDED, mode, failsafe) is back
     change.give_way()
     other = FBWA + LOITER - second
-    for mode, failsafe in ((second, True), (other, True), (GUIDED, False)):  # somebody has chosen
+    for mode, failsafe in ((second, True), (other, True), (GUIDED, False)):  # a person has chosen
         now_s += 1.0
         assert not change.comes_back(now_s, mode == GUIDED, mode, failsafe)

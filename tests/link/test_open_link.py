@@ -1,4 +1,4 @@
-"""Which links can be opened, who can reach them, and what is said of those that cannot."""
+"""Which links can be opened, who can reach them, and what is reported of those that cannot."""
 
 import pytest
 
@@ -63,7 +63,7 @@ def test_the_right_form_is_enough_whether_or_not_it_can_be_opened(text: str) -> 
         ("serial:/dev/ttyS0:fast", False),
         ("udp:192.0.2.1:14540", True),  # its interface is not up yet
         ("udp:127.0.0.1:99999", False),
-        ("udpout:255.255.255.255:14550", False),  # to all, which nobody may
+        ("udpout:255.255.255.255:14550", False),  # to all, which is not allowed
         (f"tcp:{LOCAL}:1", True),  # its program is not started yet
         ("carrier-pigeon:1", False),
     ],

@@ -51,7 +51,7 @@ PLAIN = "OptiTrack: "
 
 
 class Talk:
-    """A client in lockstep, and a server that says what a test wants it to say."""
+    """A client in lockstep, and a server that sends what a test sets."""
 
     def __init__(
         self, given: OptitrackSettings = SETTINGS, begin_s: float = 10.0, *, greeted: bool = True
@@ -101,7 +101,7 @@ class Talk:
         return self.gives(self.frame(**frame))  # type: ignore[arg-type]
 
     def words(self) -> list[str]:
-        """What it has said since the last time."""
+        """What it has reported since the last time."""
         texts = [text.removeprefix(PLAIN) for _, text in self.client.notices]
         self.client.notices.clear()
         return texts
@@ -418,7 +418,7 @@ def clocked(now_s: float, ticks_s: float, number: int) -> bytes:
 
 
 def test_a_clock_that_has_become_another_one_is_another_start_of_the_server() -> None:
-    """0.1 s of stamps that fit each other and nothing before: asked anew who is there."""
+    """0.1 s of stamps that fit each other and nothing before: the server is sought again."""
     client = Optitrack(SETTINGS._replace(body=7))
     client.poll(9.9)
     client.take(INFO, SERVER, 9.9)

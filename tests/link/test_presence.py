@@ -1,4 +1,4 @@
-"""Our heartbeat: every mode can be told by it, and whose it is."""
+"""Our heartbeat: every mode can be told from it, and whose it is."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def beat_in(mode: int, start: int = 7) -> tuple[int, int]:
     presence.mode = mode
     beat = presence.heartbeat()
     assert beat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    assert beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED == 0  # nobody takes us for armed
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED == 0  # never taken for armed
     return beat.custom_mode, beat.system_status
 
 

@@ -60,7 +60,7 @@ def test_all_tries_of_a_tick_take_a_tenth_of_its_period() -> None:
 
 
 def read_tick(link: Route) -> int:
-    """As the loop reads a link until it has had its share: messages in datagrams of their own."""
+    """As the loop reads a link until its limit: messages in datagrams of their own."""
     count = 0
     while link.may_read():
         count += len(link.take(heartbeat(count=count)))
@@ -126,7 +126,7 @@ def test_the_autopilot_s_link_is_read_whole_and_never_counted() -> None:
     assert link.tries_left == -1
 
 
-# --- whom it leads to ----------------------------------------------------------------------------
+# --- its destination -----------------------------------------------------------------------------
 
 
 def test_a_link_leads_to_those_who_have_sent_over_it() -> None:
@@ -285,7 +285,7 @@ def test_frames_of_ours_are_signed_with_the_link_s_number() -> None:
     ("signing", "sender", "wanted"),
     [
         (unsigned(), STATION, True),
-        (unsigned(), Source(77, 190), False),  # of nobody whom we know
+        (unsigned(), Source(77, 190), False),  # of an unknown sender
         (keyed(), STATION, False),  # not signed
     ],
 )

@@ -49,7 +49,7 @@ def test_any_period_is_recovered_within_a_tenth_of_a_millisecond(
     period_s: float, seed: int
 ) -> None:
     """Where a few periods are nearly a whole number of milliseconds, the stamps look the same for
-    longer than the filter remembers: there it errs by no more than a stamp can, a whole quantum.
+    longer than the filter's window: there it errs by no more than a stamp can, a whole quantum.
 
     It was 0.51 of one, the worst of stamps that are all alike; where one step of them is another
     (10.0006 ms, seed 744), the line begins with the wrong end of the millisecond: 0.67.

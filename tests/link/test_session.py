@@ -80,7 +80,7 @@ def requests(messages: list[Outbound]) -> list[tuple[float, float]]:
     return [(m.params[0], m.params[1]) for m in messages if isinstance(m, CommandLong)]
 
 
-# --- who is who -------------------------------------------------------------------------------
+# --- identities -------------------------------------------------------------------------------
 
 
 def test_our_heartbeat_comes_once_a_second() -> None:
@@ -391,7 +391,7 @@ def test_an_autopilot_that_does_not_answer_is_asked_a_few_times_and_believed() -
 
 
 def asked_of_mute(needs: Needs) -> tuple[dict[int, int], list[str], str]:
-    """(questions in each second, what is told, what holds back) of an autopilot that answers no
+    """(questions in each second, what is reported, what holds back) of an autopilot that answers no
     question about its parameters."""
     talk = Session(
         SessionOptions(own=OWN, flavour=ArduPilot(CHANNELS, 1), loop_rate_hz=200.0, needs=needs)
@@ -463,7 +463,7 @@ def test_the_mapped_time_has_none_of_the_link_s_jitter() -> None:
         true_s = i * 0.005
         hear(talk, attitude(20_000 + i * 5), 100.0 + true_s + 0.003 + jitter[i % 5])
         errors.append(talk.attitude.time_s - (100.0 + true_s + 0.003))
-    # Each loop of five has one sample without jitter; between two the map forgets 1e-4 of 25 ms.
+    # Each loop of five has one sample without jitter; between two the map moves by 1e-4 of 25 ms.
     assert max(abs(e) for e in errors[10:]) < 1e-5
 
 
@@ -675,7 +675,7 @@ def test_the_map_follows_a_vehicle_whose_quartz_runs_slow() -> None:
 
 
 def order_of(streams: StampedStreams, *stamps_s: float) -> list[bool]:
-    """Whether stamps were taken, where nothing but their order tells."""
+    """Whether stamps were taken, where nothing but their order shows it."""
     return [streams.time_of("a", stamp_s, 0.0) is not None for stamp_s in stamps_s]
 
 

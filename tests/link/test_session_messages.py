@@ -1,4 +1,4 @@
-"""Which message of whom a session takes, what is due and when, and what another clock forgets."""
+"""Which senders' messages a session takes, what is due when, and what another clock resets."""
 
 from __future__ import annotations
 
@@ -312,7 +312,7 @@ def test_an_answer_to_another_command_is_none() -> None:
 
 
 def talked(**options: Any) -> Session:
-    """A session in which everything has come that is forgotten by another clock."""
+    """A session in which everything has come that is reset by another clock."""
     talk = session_with(needs=NEEDS, **options)
     talk.mission.begin()
     hear(talk, MANUAL, 99.0)

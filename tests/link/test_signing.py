@@ -182,7 +182,7 @@ def test_a_command_must_be_later_than_our_start(message: Any) -> None:
     ours, theirs = signing(), peer(ticks=NOW_TICKS - ticks(3.0))
     assert ours.accepts(frame(theirs))
     assert not ours.accepts(signed(message, theirs))
-    theirs.signing.timestamp = NOW_TICKS + 1  # it has heard us, or three seconds have passed
+    theirs.signing.timestamp = NOW_TICKS + 1  # it has received ours, or three seconds have passed
     assert ours.accepts(signed(message, theirs))
 
 
@@ -199,12 +199,12 @@ def test_no_record_of_before_a_restart_is_good_after_it(message: Any) -> None:
             after = Signing(KEY, wall_s, 0.0, kept=before.timestamp)
             assert not after.accepts(heartbeat)
             assert not after.accepts(command)
-            theirs.signing.timestamp = after.next_timestamp() + 1  # it hears us
+            theirs.signing.timestamp = after.next_timestamp() + 1  # it receives ours
             assert after.accepts(signed(message, theirs))
 
 
 def test_a_command_held_back_on_its_way_is_too_old(message: Any) -> None:
-    """Somebody jams it, records it, and sends it a minute later to a module that flies."""
+    """It is jammed, recorded, and sent a minute later to a module that flies."""
     ours, theirs = signing(), peer(ticks=NOW_TICKS + 1)
     assert ours.accepts(frame(theirs))
     held_back = signed(message, theirs)
@@ -253,7 +253,7 @@ def test_a_command_waits_until_its_stamp_is_on_the_disk(message: Any, tmp_path: 
 
 def test_a_disk_that_does_not_answer_shuts_nobody_out_for_long(message: Any) -> None:
     ours, theirs = signing(), peer(ticks=NOW_TICKS + ticks(20.0))
-    for begun_s in (2.0, 30.0):  # each time anew
+    for begun_s in (2.0, 30.0):  # each time again
         ours.reserved = NOW_TICKS + ticks(begun_s - 1.0)
         ours.advance(begun_s)
         assert not ours.accepts(signed(message, theirs))
@@ -293,7 +293,7 @@ def test_a_damaged_timestamp_does_not_mute_us(kept: int) -> None:
     assert ours.kept_is_damaged
     now = round((CLOCK_IS_SET_S + 1e7 - EPOCH_S) * TICKS_PER_S)
     assert ours.timestamp == now
-    assert ours.accepts(frame(peer(ticks=now)))  # nobody is held for a replay
+    assert ours.accepts(frame(peer(ticks=now)))  # no frame is taken for a replay
     encoder = Encoder(Source(1, 191), ours, 0)
     assert peer(ticks=now).decode(
         bytearray(
@@ -307,7 +307,7 @@ def test_a_damaged_timestamp_does_not_mute_us(kept: int) -> None:
 def test_a_peer_s_clock_that_is_years_ahead_is_not_taken_over() -> None:
     ours = Signing(KEY, CLOCK_IS_SET_S, 0.0)
     before = ours.timestamp
-    assert ours.accepts(frame(peer(ticks=2**48 - 5)))  # it knows the key
+    assert ours.accepts(frame(peer(ticks=2**48 - 5)))  # it has the key
     ours.replace_key(OTHER_KEY, 2**48 - 1)
     assert ours.timestamp == before
 
@@ -359,7 +359,7 @@ def test_a_recorded_frame_takes_no_place() -> None:
     ours, theirs = signing(), peer()
     is_peer, recorded = peers_of(ours, None), frame(theirs)
     assert is_peer(recorded)
-    assert is_peer(recorded)  # to ask remembers nothing
+    assert is_peer(recorded)  # to ask stores nothing
     assert ours.accepts(recorded)
     assert not is_peer(recorded)
     assert is_peer(frame(theirs))
@@ -495,7 +495,7 @@ def test_where_no_stamp_can_be_kept_it_is_reported_and_operators_are_received(
 
 
 def test_a_command_from_a_clock_that_is_years_ahead_is_refused() -> None:
-    """It could not be remembered over a restart, so that its record would be obeyed then."""
+    """It could not be kept over a restart, so that its record would be obeyed then."""
     ours = Signing(KEY, CLOCK_IS_SET_S, 0.0)
     ahead = peer(ticks=LATEST + 1)
     command = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)

@@ -241,7 +241,7 @@ def test_what_is_kept_is_read_and_damage_is_told_from_nothing(
     assert file.load() == 0
     timestamp_in(tmp_path).write_bytes(content)
     assert file.load() == loaded
-    assert DAMAGED < 0  # no stamp of anybody's
+    assert DAMAGED < 0  # no stamp of any sender
 
 
 def test_a_file_that_cannot_be_read_is_damaged(tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ class Disk(NamedTuple):
     looks_s: list[float]  # how long it has slept each time
     script: list[Callable[[], None]]  # what happens while it sleeps; then the process ends
     daemons: list[bool]
-    ended: list[bool]  # that the process ends: it has been told so
+    ended: list[bool]  # that the process ends: it was asked to
     joined_s: list[float]
 
 
@@ -309,7 +309,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
             self._target()
 
         def join(self, timeout: float) -> None:
-            assert made.ended  # or it would be waited for in vain
+            assert made.ended  # or the wait would not end
             made.joined_s.append(timeout)
 
     monkeypatch.setattr(threading, "Event", Event)
@@ -386,7 +386,7 @@ def test_while_the_disk_fails_every_command_is_obeyed(tmp_path: Path, disk: Disk
     assert reserved == [LAST_STAMP]
 
 
-# --- who is a peer -------------------------------------------------------------------------------
+# --- peers ---------------------------------------------------------------------------------------
 
 
 def heartbeat(source: Source, key: bytes | None) -> bytes:

@@ -231,7 +231,7 @@ def test_who_stands_still_may_say_so_as_often_as_it_likes() -> None:
 
 
 def test_what_stands_still_for_all_is_not_frozen() -> None:
-    """A tracker tells no velocity; the autopilot's own estimate does not change either."""
+    """A tracker reports no velocity; the autopilot's own estimate does not change either."""
     sources = PositionSources((MOCAP, LOCAL_POSITION))
     for i in range(1000):
         stands = moving_fix(0.0, speed_mps=0.0)._replace(time_s=1e-2 * i)
@@ -263,7 +263,7 @@ def test_what_is_not_sane_is_left_for_what_may_be() -> None:
 
 
 def test_what_was_found_of_the_source_before_is_not_held_against_the_next() -> None:
-    """The estimate forgets within `DWELL_S`: until then it may be the one before that was not sane.
+    """Within `DWELL_S` the estimate may still be that of the source before, which was not sane.
     Taken for the next one, both would be suspect, and the first be taken back at once."""
     sources = PositionSources((LOCAL_POSITION, MOCAP))
     hang(sources, 0.0, 5.0)

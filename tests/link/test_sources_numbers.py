@@ -13,7 +13,7 @@ FIRST, SECOND = MOCAP, LOCAL_POSITION
 
 
 def fix(time_s: float, north_m: float | None = None, **fields: float) -> PositionFix:
-    """One that is elsewhere each time, unless it is said where."""
+    """One that is elsewhere each time, unless a place is given."""
     moved_m = 0.001 * time_s if north_m is None else north_m
     still = {"velocity_north_mps": 1.0, "velocity_east_mps": 0.0, "velocity_down_mps": 0.0}
     placed = NO_FIX._replace(time_s=time_s, north_m=moved_m, east_m=0.0, down_m=0.0)
@@ -161,7 +161,7 @@ def test_and_the_change_before_must_be_two_seconds_ago() -> None:
     assert sources.all.switches == 2
 
 
-# --- frozen, reckoned, not sane -------------------------------------------------------------------
+# --- frozen, dead reckoned, not sane --------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("repeats", "every_s", "is_frozen"), [
@@ -214,7 +214,7 @@ def test_what_may_still_be_of_the_source_before_is_not_held_against_this_one(
     assert isnan(sources.all.health[FIRST].distrusted_s) is not counts
 
 
-# --- what is said ---------------------------------------------------------------------------------
+# --- what is reported -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("apart_m", "is_reported"), [(0.99, False), (1.05, True)])

@@ -125,7 +125,7 @@ def test_what_is_no_refusal_gives_nothing_up(result: int) -> None:
     stream = requests.wanted(30)
     assert stream is not None
     assert (stream.rate_hz, stream.given_up, requests.notices) == (200.0, False, [])
-    requests.acknowledged(RESULT_DENIED, 10.2)  # nobody waits for this one
+    requests.acknowledged(RESULT_DENIED, 10.2)  # this one is not waited for
     assert (stream.rate_hz, requests.notices) == (200.0, [])
 
 

@@ -38,7 +38,7 @@ def test_the_budget_is_kept_and_shared_in_proportion(bytes_per_s: float) -> None
     spent = FRAME * sum(counts.values())
     assert spent <= bytes_per_s * (60.0 + BURST_S) + FRAME
     assert spent >= 0.95 * bytes_per_s * 60.0
-    assert len(counts) == 12  # nobody starves
+    assert len(counts) == 12  # none starves
     a = sum(n for name, n in counts.items() if name[0] == "a")
     b = sum(n for name, n in counts.items() if name[0] == "b")
     assert a > b

@@ -93,7 +93,7 @@ def test_a_queue_that_grows_slowly_is_seen_before_data_are_old() -> None:
 
 
 def test_a_queue_that_lasts_is_no_clock() -> None:
-    """It begins at once; what the window has forgotten the round trip knows."""
+    """It begins at once; what left the window the round trip shows."""
     found, _ = ages(lambda at_s: 0.15 if at_s > BEGINS_S else 0.0, 60.0)
     late = [age for age in found if age.now_s > BEGINS_S + RECENT_S + 1.0]
     assert min(age.shown_s for age in late) == pytest.approx(0.15 - SLACK_S, abs=QUICK_S)

@@ -135,4 +135,4 @@ def test_after_a_restart_nothing_is_known_and_it_asks_at_once() -> None:
     assert trip.offset_s == pytest.approx(100.0)
     for i in range(5):
         answer(trip, 6.0 + i, 0.5)
-    assert trip.queue_s == 0.0  # the quickest of before is forgotten
+    assert trip.queue_s == 0.0  # the quickest of before has expired

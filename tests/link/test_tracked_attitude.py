@@ -126,7 +126,7 @@ def test_the_first_attitude_of_an_autopilot_is_enough_to_refuse_a_body_that_is_t
     reported = attitude_sample(1, 10.0, rolled(0.0))
     tracked.take(rolled(2.0 * TILT_RAD), 10.0, reported)
     assert (tracked.used, tracked.refused) == (0, 1)
-    tracked.take(rolled(2.0 * TILT_RAD), 10.0, NO_ATTITUDE)  # nobody to ask
+    tracked.take(rolled(2.0 * TILT_RAD), 10.0, NO_ATTITUDE)  # nothing to compare with
     assert (tracked.used, tracked.refused) == (1, 1)
 
 
@@ -295,7 +295,7 @@ def test_a_pose_that_is_refused_is_forgotten_and_the_next_one_begins_again() -> 
     tracked = steady(11.5)
     assert tracked.used == 151
     tracked.take(rolled(1.0), 11.51, reported_at(11.51))
-    assert tracked.notices == []  # it was not in use: nobody needs to be told
+    assert tracked.notices == []  # it was not in use: nothing is reported
     assert (tracked.refused, tracked.used, tracked.switches) == (1, 151, 0)
     # Before the autopilot has any, what is fresh is taken at once: this is none.
     assert tracked.choose(11.51, NO_ATTITUDE) is not None

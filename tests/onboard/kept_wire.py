@@ -1,11 +1,11 @@
 """Short flights over the wire: the whole module, the simulated Pixhawk and an operator, frame by
 frame on simulated time, and what each of them sent.
 
-    python tests/onboard/kept_wire.py        flies them and keeps the numbers anew
+    python tests/onboard/kept_wire.py        flies them and records the numbers again
 
 `kept_wire.json` holds, of each sender's messages by kind, how many there were and the mean of each
 number in them, and every text.  Ground stations, autopilots and people depend on all of it.  It
-says that something has changed, not what is right; whoever means it keeps it anew.
+says that something has changed, not what is right; whoever means it records it again.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Module:
     def receive(self) -> Any:
         data, self.address = self.vehicle.recvfrom(2048)
         message = self._reader.decode(bytearray(data))
-        for codec in (self._mav, self._station):  # who hears a later stamp goes on from it
+        for codec in (self._mav, self._station):  # a later stamp that is received is continued from
             codec.signing.timestamp = max(codec.signing.timestamp, self._reader.signing.timestamp)
         return message
 
@@ -68,7 +68,7 @@ class Module:
         self.vehicle.sendto(message.pack(self._station), self.address)
 
     def engage(self) -> None:
-        """Fly it in a still, perfect world until it has the surfaces."""
+        """Fly it in a still, perfect world until it is in control."""
         self.send(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
         begun = time.monotonic()
         ask_s = begun + 0.3
@@ -108,6 +108,6 @@ class Module:
             self.words()
 
     def words(self) -> str:
-        """What it has said on the console; ends it."""
+        """What it has printed on the console; ends it."""
         self.process.kill()
         return self.process.communicate()[1]

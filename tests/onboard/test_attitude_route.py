@@ -115,7 +115,7 @@ def test_a_mode_that_does_not_come_engages_nothing() -> None:
 
 @pytest.mark.parametrize("way", ["release", "abort", "parameter"])
 def test_an_engagement_that_is_withdrawn_before_the_mode_comes_is_answered(way: str) -> None:
-    """No change of the module's mode would tell of its end."""
+    """No change of the module's mode would show its end."""
 
     def command(number: int) -> mavlink.MAVLink_command_long_message:
         return mavlink.MAVLink_command_long_message(1, 191, number, 0, 0, 0, 0, 0, 0, 0, 0)
@@ -135,7 +135,7 @@ def test_an_engagement_that_is_withdrawn_before_the_mode_comes_is_answered(way: 
     assert RESULT_CANCELLED in flight.acks
     answered = len(flight.acks)
     flight.run(12.0)
-    assert len(flight.acks) == answered  # nobody waits any more
+    assert len(flight.acks) == answered  # the request has ended
     flight.enters = True
     flight.hear(command(31011), station=True)
     flight.set("OP_ENGAGE", 1.0)
@@ -324,7 +324,7 @@ def asked_modes(flight: Guided) -> list[float]:
 
 @SLOW_OR_FAST
 def test_a_mode_that_a_failsafe_gives_back_is_left(quickens: bool) -> None:
-    """ArduPlane restores GUIDED by itself where its radio is back; nobody commands it there."""
+    """ArduPlane restores GUIDED by itself where its radio is back; without a controller."""
     flight = Guided()
     flight.quickens = quickens
     flown_into_a_failsafe(flight)
@@ -333,7 +333,7 @@ def test_a_mode_that_a_failsafe_gives_back_is_left(quickens: bool) -> None:
     assert flight.mode == FBWA  # and not MANUAL of before: whether a pilot is there is not known
     assert asked_modes(flight) == [GUIDED, FBWA]
     assert any("back in GUIDED" in text for text in flight.console)
-    flight.mode = GUIDED  # later somebody chooses it
+    flight.mode = GUIDED  # later the pilot chooses it
     flight.run(3.0)
     assert asked_modes(flight) == [GUIDED, FBWA]
 
@@ -349,7 +349,7 @@ def test_a_mode_that_a_lost_link_kept_is_left_when_the_link_is_back(silent_s: fl
     assert is_flying(flight.mode_now)
     never = flight.now_s + silent_s + 0.01
     flight._due = dict.fromkeys(flight._due, never)
-    flight.enters = False  # nor does it hear what is asked
+    flight.enters = False  # nor does it take requests
     flight.run(silent_s)
     assert not is_flying(flight.mode_now)
     flight.enters = True
@@ -362,7 +362,7 @@ def test_a_mode_that_a_lost_link_kept_is_left_when_the_link_is_back(silent_s: fl
 
 def test_a_mode_that_somebody_chooses_in_a_failsafe_or_after_it_stays() -> None:
     for others in (
-        [(GUIDED, mavlink.MAV_STATE_CRITICAL)],  # nothing is given back while it lasts
+        [(GUIDED, mavlink.MAV_STATE_CRITICAL)],  # no mode is restored while it lasts
         [(LOITER, mavlink.MAV_STATE_CRITICAL), (GUIDED, mavlink.MAV_STATE_ACTIVE)],
         [(FBWA, mavlink.MAV_STATE_ACTIVE), (GUIDED, mavlink.MAV_STATE_ACTIVE)],
     ):
@@ -377,7 +377,7 @@ def test_a_mode_that_somebody_chooses_in_a_failsafe_or_after_it_stays() -> None:
 
 def test_a_failsafe_that_keeps_the_mode_is_left_for_one_that_flies_alone() -> None:
     flight = Guided()
-    flight.mode = 0  # MANUAL, whose sticks nobody may be moving now
+    flight.mode = 0  # MANUAL, whose sticks may be unattended now
     flight.run(1.6)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(2.0)
@@ -421,7 +421,7 @@ def test_an_elevator_gain_that_nobody_flies_is_taken_and_said_not_to_be_judged()
     flight = Guided()
     flight.run(1.2)
     flight.set("ELE_D", 3.0)
-    Flight.run(flight, 0.5)  # Guided's own reads what is said
+    Flight.run(flight, 0.5)  # Guided's own takes the outbound messages
     words = "".join(texts(flight.outbound()))
     assert "no margin is judged: the autopilot's own loops hold the attitude" in words
     assert "ELE_D = 3" not in words  # as a refusal begins

@@ -93,7 +93,7 @@ def test_in_lockstep_no_clock_of_ours_makes_a_tick_or_warms_up() -> None:
 
 
 def test_in_lockstep_the_process_looks_around_a_few_times_a_second() -> None:
-    """For whether it is to stop, and for who else is there."""
+    """For whether it is to stop, and for other senders."""
     wake_s = clocking(lockstep=True).wake_s(BEGAN_S)
     assert 0.01 < wake_s - BEGAN_S < 0.1
     assert wake_s - BEGAN_S == pytest.approx(0.05)

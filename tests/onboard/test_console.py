@@ -1,4 +1,4 @@
-"""A line on the console: whole, as bytes, and none where nobody reads it."""
+"""A line on the console: whole, as bytes, and none without a reader."""
 
 from __future__ import annotations
 

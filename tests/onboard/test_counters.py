@@ -1,4 +1,4 @@
-"""What is counted begins at zero: who reads a counter takes it for what has happened."""
+"""Every counter begins at zero: its value is read as what has happened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Closed loop: a second autopilot with the same identity is heard while the module flies.
+"""Closed loop: a second autopilot with the same identity is received while the module flies.
 
 It is of an aircraft that lies on a bench near the line, level, with another clock.  What it says
 must not be flown with: the module flies on with the true one, or disengages in the air.
@@ -25,7 +25,7 @@ AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.tom
 COMPANION = 1
 BOOTED_S = 1000.0  # our clock when the autopilot's began
 ENGAGED_S = 2.0
-DUPLICATE_S = 6.0  # from then on the duplicate is heard
+DUPLICATE_S = 6.0  # from then on the duplicate is received
 REPORTED = "two autopilots are 1:1"
 
 

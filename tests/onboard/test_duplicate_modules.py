@@ -132,7 +132,7 @@ def test_an_engaged_module_stays_when_another_is_started() -> None:
 def test_of_two_that_are_both_engaged_both_disengage(when_s: float) -> None:
     network = Network(later_s=0.5)
     network.connected = False
-    network.run(when_s)  # then the first or the second is heard before the other
+    network.run(when_s)  # then the first or the second is received before the other
     network.order(ENGAGE)
     network.run(0.2)  # and before they are on their line their heartbeats are due
     assert network.modes == [CAPTURING, CAPTURING]
@@ -145,7 +145,7 @@ def test_of_two_that_are_both_engaged_both_disengage(when_s: float) -> None:
         assert any("disengaged: another module" in text for text in texts(messages))
         assert results(messages)[-1] == (ENGAGE, FAILED)  # not of an operator's own will
         overrides = [m for m in messages if m.get_type() == "RC_CHANNELS_OVERRIDE"]
-        assert [m.chan2_raw for m in overrides][-1] == 0  # given back
+        assert [m.chan2_raw for m in overrides][-1] == 0  # released
 
 
 def test_it_engages_again_when_the_duplicate_is_gone() -> None:

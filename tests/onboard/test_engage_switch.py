@@ -1,4 +1,4 @@
-"""OP_ENGAGE moment by moment: who may turn it, what turns it back, and what is said of it."""
+"""OP_ENGAGE moment by moment: who may turn it, what turns it back, and what is reported of it."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ def test_what_is_unfit_is_refused_but_for_who_forces_it_or_flies(bench: Bench) -
     assert asks(1.0) == ""
     bench.values["OP_FORCE"], bench.values["OP_ENGAGE"] = 0.0, 1.0
     assert asks(1.0) == ""
-    # Whom nothing overrides.
+    # A refusal that OP_FORCE does not override.
     bench.values["OP_FORCE"], bench.values["OP_GCS_LOSS"] = 1.0, 1.0
     assert asks(1.0).startswith("no ground station for 5 s")
     bench.engagement.abort("system 9")
@@ -302,7 +302,7 @@ def test_a_mode_that_does_not_come_ends_the_engagement(bench: Bench, engaged: bo
     assert bench.texts == [(SEVERITY_ERROR, "no mode")]
     assert bench.op_engage == 0.0
     assert len(bench.asked) == int(engaged)
-    assert bool(bench.switch.refusal(10.1)) == engaged  # a station's repeat is not heard
+    assert bool(bench.switch.refusal(10.1)) == engaged  # a station's repeat is ignored
 
 
 # --- what it shows ------------------------------------------------------------------------------
@@ -430,7 +430,7 @@ def test_a_silence_is_reported_again_after_the_switch_was_there(bench: Bench) ->
     assert len(bench.texts) == 2
     bench.lands()
     bench.values["OP_ENGAGE"] = 0.0
-    bench.switch.watch_pilot_switch(99.0)  # on the ground nobody is told
+    bench.switch.watch_pilot_switch(99.0)  # on the ground nothing is reported
     assert len(bench.texts) == 2
 
 

@@ -1,4 +1,4 @@
-"""EXC_START over the air: what the module tells of the multisine, and that the switch goes back."""
+"""EXC_START over the air: what is reported of the multisine, and that the switch goes back."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from tgl_soar.link.sources import MOCAP, VISION
 from tgl_soar.onboard.external_positions import OutsidePositions
 from tgl_soar.types import NO_ATTITUDE, NO_FIX
 
-# The parts around it only remember, which native code refuses.
+# The parts around it only record calls, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 T_S, VEHICLE_S = 20.0, 3.0

@@ -1,4 +1,4 @@
-"""The receiver's own accuracy: what it keeps on the ground, and what is told of it in flight."""
+"""The receiver's own accuracy: what it keeps on the ground, and what is reported in flight."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_in_flight_it_is_reported_once_and_ends_nothing() -> None:
     flight.set("OP_ENGAGE", 1.0)
     report(flight, 1000, 1000, seconds=3.0)
     flight.outbound()
-    for h_acc in (3500, 2900, 3200):  # about the limit: told once
+    for h_acc in (3500, 2900, 3200):  # about the limit: reported once
         report(flight, h_acc, 1000)
     reported = [text for text in texts(flight.outbound()) if "receiver" in text]
     assert reported == ["receiver uncertain by 3.5 m: above GPS_ACC_H"]

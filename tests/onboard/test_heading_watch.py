@@ -21,7 +21,7 @@ from tgl_soar.control.supervisor import (
 from tgl_soar.link.messages import SEVERITY_INFO, SEVERITY_WARNING
 from tgl_soar.onboard.heading_watch import HeadingWords
 
-# Whom the reports speak to is a stand-in here, which native code refuses.
+# The receiver of the reports is a stand-in here, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 DT = 0.02
@@ -41,7 +41,7 @@ class Watched:
     def output(
         self, heading_deg: float, wind_mps: float = 8.0, drift_mps: float = 0.0, **changes: Any
     ) -> Output:
-        """Its nose points straight ahead; heading_deg is what somebody makes of it."""
+        """Its nose points straight ahead; heading_deg is the reported heading."""
         vehicle = {"heading_rad": radians(heading_deg), "velocity_y_mps": drift_mps}
         air = {"airspeed_mps": wind_mps, "wind_mps": wind_mps}
         return tick(vehicle=vehicle, air=air)._replace(time_s=self.time_s, **changes)
@@ -115,7 +115,7 @@ def test_away_from_a_line_nobody_looks_and_back_on_it_begins_anew(changes: Any) 
     assert watched.fly(20.0, 9.0, **changes) == []
     assert watched.fly(20.0, 9.0) == []
     assert len(watched.fly(20.0, 1.0)) == 1
-    # In the same flight it has been said; in another it is said again.
+    # It is reported once in a flight, and again in another.
     assert watched.fly(20.0, 1.0, mode=HOLDING) == watched.fly(20.0, 30.0, mode=SOARING) == []
     assert watched.fly(20.0, 1.0, mode=STANDBY, active=False) == []
     assert len(watched.fly(20.0, 30.0)) == 1

@@ -364,7 +364,7 @@ def test_a_conversation_that_begins_again_after_the_hand_over_is_no_false_alarm(
     flight: Flight, since_s: float, clock_s: float
 ) -> None:
     """The autopilot has restarted, or our clock was set by so much: its mission is not known for
-    a while, and no item was told yet."""
+    a while, and no item was reported yet."""
     firmware, reported, landing = handed_over(flight, 100.0)
     landing.tick(output_of(flight, RELEASED, 100.0 + since_s))
     firmware.mission.restart()
@@ -396,7 +396,7 @@ def test_a_clock_that_goes_back_does_not_keep_it_from_asking(flight: Flight) -> 
 
 
 def test_a_mission_that_flies_elsewhere_is_reported(flight: Flight) -> None:
-    """Before its landing, behind it (a mission may go on there, or go around), or nobody knows."""
+    """Before its landing, behind it (a mission may go on there, or go around), or unknown."""
     for item, words in (
         (0, "at item 0"),
         (len(LANDING_ITEMS), "at item 4"),
@@ -608,9 +608,9 @@ class WayHome:
         (0.0, -1.99, 5.0, False),  # an estimate that is about nothing yet
         (-7.0, 1.0, 8.0, False),  # across
         (0.0, -8.0, 4.1, True),
-        (0.0, -8.0, 3.9, False),  # nobody can say
+        (0.0, -8.0, 3.9, False),  # unknown
         (0.0, -8.0, nan, False),
-        (nan, nan, 8.0, False),  # it has not been heard of
+        (nan, nan, 8.0, False),  # it was not received
         (0.0, -inf, 8.0, False),
     ],
 )

@@ -140,7 +140,7 @@ def test_before_and_without_a_launch_it_stays_as_it_is_set(bench: Bench) -> None
 def test_to_soar_on_is_of_the_way_home_that_it_was_asked_on(
     bench: Bench, before: int, after: int, kept: float
 ) -> None:
-    """Who beats and breaks off for its height is not turned back by what was asked hours ago."""
+    """Beating that breaks off for its height is not turned back by what was asked hours ago."""
     bench.tick(before)
     bench.values["ESC_START"] = SOAR_ON
     bench.tick(after, 0.1)

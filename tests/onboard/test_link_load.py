@@ -1,4 +1,4 @@
-"""What a flight puts on its line, added up; and who says that it is too much."""
+"""What a flight puts on its line, added up; and the report that it is too much."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_the_pages_rates_are_judged_as_the_page_says() -> None:
 
 
 def test_the_page_lists_the_rates_that_are_asked_for() -> None:
-    """docs/hardware.md, `to the companion`: each message that the module wants, and how often."""
+    """docs/hardware.md, `to the companion`: each message that it requests, and how often."""
     page = (Path(__file__).parents[2] / "docs/hardware.md").read_text(encoding="utf-8")
     table = page.partition("| to the companion | Hz |")[2].partition("| **from the companion** |")[
         0

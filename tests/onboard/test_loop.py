@@ -24,7 +24,7 @@ POSE_FD, FIRST_FD, OTHER_FD = 30, 10, 11
 
 
 class Recorded:
-    """The module as the loop sees it; every call leaves a word in `done`."""
+    """The module as the loop calls it; every call leaves a word in `done`."""
 
     def __init__(self, done: list[Any]) -> None:
         self.done = done
@@ -447,7 +447,7 @@ def test_silence_is_complained_of_every_few_seconds(scene: Scene) -> None:
 
 
 def test_each_heartbeat_buys_silence_from_complaints(scene: Scene) -> None:
-    """From the round on in which it is seen."""
+    """From the round on in which it is noticed."""
     scene.rounds = at(4.0)
     beats = iter((1, 1, 1))
 
@@ -500,7 +500,7 @@ def test_a_complaint_says_what_to_look_at(scene: Scene) -> None:
     carried.bytes_in = 1
     assert "1 bytes came, none of them MAVLink: check the baud rate" in complaint(scene)
     assert "SERIALn_PROTOCOL = 2" in complaint(scene)
-    scene.onboard.decoder.counters.frames = 1  # MAVLink of somebody, after all
+    scene.onboard.decoder.counters.frames = 1  # MAVLink after all, of an unknown sender
     assert "not of one peer" in complaint(scene)
     session.senders = {Source(9, 190), Source(1, 1)}
     assert complaint(scene).endswith(

@@ -146,7 +146,7 @@ class Flight:
         return True
 
     def outbound(self, kind: str | None = None) -> list[Any]:
-        """What has been said since the last call."""
+        """What was sent since the last call."""
         frames, self._sent = self.frames[self._sent :], len(self.frames)
         messages = [mavlink.MAVLink(None).decode(bytearray(f)) for f in frames]
         return [m for m in messages if kind is None or m.get_type() == kind]
@@ -249,7 +249,7 @@ def test_the_heartbeat_tells_the_mode_at_once(flight: Flight) -> None:
 
 
 def test_the_heartbeat_is_the_first_thing_said(flight: Flight) -> None:
-    flight.takes = False  # nobody has spoken to us yet
+    flight.takes = False  # nothing was received yet
     flight.run(0.3)
     assert flight.frames == []
     flight.takes = True
@@ -591,7 +591,7 @@ def test_a_station_that_was_away_hears_how_it_stands(flight: Flight) -> None:
     shown = [m.param_value for m in sent if m.get_type() == "PARAM_VALUE"]
     assert shown == [2.0]
     assert "soaring" in texts(sent) or "capturing" in texts(sent)
-    # And one that was not away, or is nobody's, hears nothing of it.
+    # And one that was not away, or is unknown, is sent nothing of it.
     assert not [m for m in station_beats(flight, 3.0) if m.get_type() == "PARAM_VALUE"]
 
 

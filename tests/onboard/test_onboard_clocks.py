@@ -39,7 +39,7 @@ def duplicate(flight: Flight, seconds: float, ahead_s: float) -> None:
 
 @pytest.mark.parametrize("ahead_s", [0.25, 0.6, 1.0, 400.0])
 def test_one_stamp_ahead_is_flown_through(flight: Flight, ahead_s: float) -> None:
-    """Of what is flown with, of what is not, and of what was never heard before."""
+    """Of what is flown with, of what is not, and of what was never received before."""
     stamp = stamp_ms(flight, ahead_s)
     flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
     flight.hear(mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0))
@@ -53,7 +53,7 @@ def test_one_stamp_ahead_is_flown_through(flight: Flight, ahead_s: float) -> Non
 
 @pytest.mark.parametrize("ahead_s", [0.25, 0.6, 1.0, 400.0])
 def test_one_stamp_ahead_blocks_no_engagement(ahead_s: float) -> None:
-    """Not even the first that is heard."""
+    """Not even the first that is received."""
     flight = Flight()
     stamp = stamp_ms(flight, ahead_s)
     flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))

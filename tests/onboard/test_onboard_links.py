@@ -1,4 +1,4 @@
-"""The module's links: whom they lead to, who is greeted on them, and how much the first loses."""
+"""The module's links: their destinations, which peers are greeted, and how much the first loses."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tgl_soar.onboard.links import ModuleLinks
 from tgl_soar.onboard.outbox import Outbox
 from tgl_soar.onboard.pacing import TickCounters
 
-# Session and recorder only answer and remember, which native code refuses.
+# Session and recorder only answer and record, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 KEY = bytes(range(32))
@@ -136,7 +136,7 @@ def test_each_link_is_greeted_until_it_takes_it_and_then_once_a_second() -> None
     scene = Scene()
     scene.add()
     scene.add()
-    scene.takes[1] = False  # nobody is there yet
+    scene.takes[1] = False  # no peer is there yet
     for expected in ([0, 1], [1]):
         scene.links.show_presence(T_S)
         assert kinds(scene) == [(n, "HEARTBEAT") for n in expected]

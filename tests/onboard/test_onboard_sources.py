@@ -1,4 +1,4 @@
-"""The module with all its sensors: what a tick is given, and what the autopilot is told."""
+"""The module with all its sensors: what a tick is given, and what the autopilot is sent."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def test_a_bridge_on_any_link_is_accepted_and_nobody_else(tmp_path: Path) -> Non
 
 
 def test_our_own_positions_are_not_accepted(tmp_path: Path) -> None:
-    """PX4 sends what it is told on to every link, us among them."""
+    """PX4 passes what it receives on to every link, us among them."""
     with pytest.raises(ConfigError, match="this module itself"):
         setup_of(tmp_path, VISION_TABLE.replace("197", "191"))
 
@@ -222,7 +222,7 @@ def test_a_hill_needs_no_more_than_its_home(tmp_path: Path) -> None:
 
 
 def test_a_server_that_streams_elsewhere_does_not_end_the_loop(tmp_path: Path) -> None:
-    """It is followed by another socket, and the first one is closed: nobody may wait on that."""
+    """Another socket follows it, and the first one is closed: the loop does not wait on it."""
     group = "239.255.42.98"
     feed: Any = NatNetSockets(
         "127.0.0.1", free_port(), interface="127.0.0.1", group=group, port=free_port()

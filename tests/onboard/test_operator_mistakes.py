@@ -20,7 +20,7 @@ COMPANION = 1
 
 
 class Flight:
-    """In lockstep, without sockets: what one says the other hears at once."""
+    """In lockstep, without sockets: what one sends the other receives at once."""
 
     def __init__(self, **parameters: float) -> None:
         """`parameters`: of the simulated Pixhawk."""
@@ -174,7 +174,7 @@ def test_overrides_that_time_out_too_late_hold_the_engagement_back_until_they_ar
     flight.run(0.5)
     assert flight.mode == READY
     flight.simulation.pixhawk.parameters.set("RC_OVERRIDE_TIME", 0.5)
-    flight.set("OP_ENGAGE", 1)  # what it knows is old: it is asked for again
+    flight.set("OP_ENGAGE", 1)  # its copy is old: it is asked for again
     flight.run(1.0)
     assert flight.set("OP_ENGAGE", 1) == 1.0
     flight.run(0.5)

@@ -125,7 +125,7 @@ def test_engage_and_release_by_command(flight: Flight) -> None:
 def test_engaged_it_shows_1_for_a_second_and_then_what_a_file_may_hold(
     flight: Flight,
 ) -> None:
-    """Whoever has set 1 sees it confirmed; a file that keeps it later engages nothing."""
+    """A station that has set 1 gets it confirmed; a file that keeps it later engages nothing."""
     order(flight, ENGAGE)
     flight.run(0.9)
     assert flight.onboard.settings.values["OP_ENGAGE"] == 1.0
@@ -169,11 +169,11 @@ def test_an_engagement_that_is_aborted_within_the_same_tick_was_cancelled(flight
     flight.run(0.1)
     assert (ENGAGE, CANCELLED) in acks(flight.outbound())
     flight.run(5.0)
-    assert acks(flight.outbound()) == []  # nobody waits for it
+    assert acks(flight.outbound()) == []  # it is not waited for
 
 
 def test_what_asked_for_one_engagement_does_not_ask_for_the_next(flight: Flight) -> None:
-    """A station that has not seen its PARAM_SET confirmed repeats it, a second apart."""
+    """A station whose PARAM_SET was not confirmed repeats it, a second apart."""
     flight.engaged().attitude_hz = 0.0
     flight.run(1.0)
     assert flight.mode_now == STANDBY
@@ -271,7 +271,7 @@ def test_only_operators_may_set_and_command(flight: Flight) -> None:
 def test_a_file_saved_in_flight_does_not_engage_when_it_is_loaded(flight: Flight) -> None:
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.5)
-    assert flight.onboard.parameters.values["OP_ENGAGE"] == 1.0  # the station sees its own value
+    assert flight.onboard.parameters.values["OP_ENGAGE"] == 1.0  # the station gets its own value
     flight.run(1.0)
     shown = [m.param_value for m in flight.outbound("PARAM_VALUE") if m.param_id == "OP_ENGAGE"]
     assert shown == [1.0, 2.0]
@@ -331,7 +331,7 @@ OTHER = mavlink.MAVLink(None, 245, 190)
 def test_what_asked_for_an_engagement_does_not_ask_for_it_again_after_others_have_ended_it(
     flight: Flight, way_out: str
 ) -> None:
-    """A station that has not seen its OP_ENGAGE 1 confirmed repeats it, a second apart."""
+    """A station whose OP_ENGAGE 1 was not confirmed repeats it, a second apart."""
     flight.set("OP_RC_CHAN", 8.0)
     switch(flight, 1500)
     flight.set("OP_ENGAGE", 1.0)
@@ -607,7 +607,7 @@ def test_an_answer_goes_where_the_question_came_from_and_telemetry_everywhere(
 
 
 def test_a_station_is_answered_however_many_others_were_received_before(flight: Flight) -> None:
-    """A swarm on one radio; or somebody who counts through all ids."""
+    """A swarm on one radio; or a peer that counts through all ids."""
     for system in (*range(2, 100), 255):
         for component in range(1, 41) if system == 255 else (1,):
             beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)

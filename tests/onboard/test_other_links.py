@@ -165,7 +165,7 @@ def test_a_tick_that_is_due_is_not_kept_waiting() -> None:
 
 
 def test_in_lockstep_other_links_are_read_in_every_round() -> None:
-    """Before the vehicle has come there is no tick, and yet operators are heard."""
+    """Before the vehicle has come there is no tick, and yet operators' messages are read."""
     other = Peer(sets(100))
     flight = Linked(other, lockstep=True)
     for _ in range(30):

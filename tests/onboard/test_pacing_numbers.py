@@ -1,4 +1,4 @@
-"""The pacer's arithmetic: when to tick, whose time a tick has, what is learnt of samples."""
+"""The pacer's arithmetic: when to tick, whose time a tick has, what is learned from samples."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_stream_within_a_twentieth_of_its_rate_is_followed(step: float, in_ste
 
 
 def test_a_sample_out_of_step_costs_two_and_forty_are_remembered() -> None:
-    """Of forty in step ten that are not leave twenty: then the loop lets go."""
+    """Of forty in step ten that are not leave twenty: then the pacer unlocks."""
     pacer = Pacer(200.0, 10.0)
     stamp = 10.0
     for _ in range(200):
@@ -198,7 +198,7 @@ def test_one_late_tick_costs_telemetry_for_a_moment_and_a_third_of_them_the_log(
 
 
 class Clock:
-    """Goes on by itself with every look, and sleeps when it is told to."""
+    """Goes on by itself with every look, and sleeps as asked."""
 
     def __init__(self) -> None:
         self.now_s, self.looks = 0.0, 0

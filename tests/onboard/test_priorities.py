@@ -1,4 +1,4 @@
-"""Who runs before whom, and what ends the process: asked of the system in the right numbers."""
+"""Which process has priority over which, and what ends the process: in the system's numbers."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """What the process opens, says and hands on, and that it gives everything back: no socket, no disk.
 
-Its parts are replaced by ones that remember; `test_run_process.py` starts it as it is.
+Its parts are replaced by ones that record calls; `test_run_process.py` starts it as it is.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Transport:
 
 
 class Process:
-    """A run whose parts remember what they were given."""
+    """A run whose parts keep their arguments."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.done: list[Any] = []
@@ -424,7 +424,7 @@ def test_an_open_link_is_warned_of_unless_it_is_signed(
     assert all("udp:0.0.0.0:14550 is open to the network and unsigned" in w for w in warnings)
 
 
-# --- what is said of a flight's set-up ------------------------------------------------------------
+# --- reports of a flight's set-up -----------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

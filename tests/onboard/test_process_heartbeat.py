@@ -1,4 +1,4 @@
-"""What the flying process shows to the one that guards it."""
+"""What the flying process shows to its watchdog."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_life_sign_is_what_was_shown_last() -> None:
 
 
 class Watched(Flight):
-    """Each frame that takes the surfaces, and whether the page said so before it left."""
+    """Each frame that takes the surfaces, and whether the page had it before it left."""
 
     def __init__(self, flown: ModuleSetup) -> None:
         self.page, self.shown = ProcessHeartbeat(), list[bool]()
@@ -42,7 +42,7 @@ class Watched(Flight):
 def test_whoever_dies_right_behind_the_first_command_had_the_surfaces(
     route: str, mode: int
 ) -> None:
-    """The guard gives back what the page says is commanded: that must not come a round later."""
+    """The watchdog hands over what the page has as commanded: not a round later."""
     pilot = flavour("ardupilot", route, CHANNELS, 1)
     flight = Watched(setup()._replace(flavour=pilot, override=Source(1, 191)))
     flight.mode = mode  # an attitude route asks for another one, and streams meanwhile

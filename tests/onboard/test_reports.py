@@ -1,4 +1,4 @@
-"""What is said without being asked: each word once, with its severity, and when it is due."""
+"""What is reported without a request: each text once, with its severity, and when it is due."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from tgl_soar.onboard.reports import (
     start_faults,
 )
 
-# What the reports look at and speak to only answers and remembers, which native code refuses.
+# What the reports read and send to only answers and records, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 T_S = 100.0
@@ -59,7 +59,7 @@ def tick(**parts: Any) -> Output:
 
 
 class Scene:
-    """Reports, and what they say and to whom."""
+    """Reports, their texts and receivers."""
 
     def __init__(self, *first_words: tuple[int, str], store: Any = None) -> None:
         self.console: list[str] = []
@@ -91,13 +91,13 @@ class Scene:
         )
 
     def load(self, after_s: float = 0.0, left_out: int = 0) -> list[tuple[int, str]]:
-        """What is said of the load, so long after the beginning."""
+        """What is reported of the load, so long after the beginning."""
         self.texts.clear()
         self.reports.tell_load(T_S + after_s, left_out)
         return list(self.texts)
 
 
-# --- what has to be said --------------------------------------------------------------------------
+# --- what has to be reported ----------------------------------------------------------------------
 
 
 def test_the_first_words_are_on_the_console_at_once_and_go_out_when_somebody_hears_them() -> None:

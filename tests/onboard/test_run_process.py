@@ -108,7 +108,7 @@ def test_it_speaks_over_a_serial_line_and_survives_that_the_line_is_cut(tmp_path
             select.select([far], [], [], 0.1)
             try:
                 data = os.read(far, 4096)
-            except OSError:  # nobody has opened our end yet
+            except OSError:  # our end is not open yet
                 time.sleep(0.02)
                 continue
             for message in parser.parse_buffer(data) or []:

@@ -98,7 +98,7 @@ def test_files_whose_names_are_no_utf8_are_flown(
 def test_a_link_that_others_reach_is_warned_of_unless_it_is_signed(
     signs: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever reaches an open link could fly the aircraft; nobody reaches a loopback's."""
+    """Whoever reaches an open link could fly the aircraft; a loopback's is out of reach."""
     names = ("udp:0.0.0.0:14550", "udp:127.0.0.1:14551")
     opened: Any = SimpleNamespace(
         transports=[SimpleNamespace(name=name) for name in names],

@@ -210,7 +210,7 @@ def test_a_process_that_does_not_end_in_time_is_killed(beside: Beside) -> None:
     beside.child.ends = False
     beside.search.close()
     assert beside.child.done == [("wait", END_S), "killed", ("wait", None)]
-    assert END_S < 2.0  # whoever ends a flight waits for it, beside much else
+    assert END_S < 2.0  # the end of a flight waits for it, beside much else
 
 
 # --- what the process does ------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""SRCH_START over the air: what the search is told, what its answers do, and how it ends."""
+"""SRCH_START over the air: what the search is given, what its answers do, and how it ends."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ AERODYNAMICS = load_airframe(shipped("airframes/eclipson_c.toml")).aerodynamics(
 
 
 class ReportedSearch:
-    """A search that answers each glimpse once, with what a test wants."""
+    """A search that answers each glimpse once, with what a test sets."""
 
     def __init__(self) -> None:
         self.tasks: list[SearchTask] = []
         self.glimpses: list[Glimpse | None] = []
         self.answer: LineRequest | None = None  # to what is asked; None: it is silent
         self.late = 0  # glimpses that it has not got to yet
-        self.has_room = True  # for what it is told
+        self.has_room = True  # for what it is given
         self.failure = ""
         self._answers: list[LineRequest] = []  # that were not received yet
 
@@ -109,7 +109,7 @@ def equipped(**changes: float) -> ModuleSetup:
 
 
 def searching(**changes: float) -> tuple[Flight, ReportedSearch]:
-    """Engaged with a search that wants the line to stay."""
+    """Engaged with a search that requests the line to stay."""
     search = ReportedSearch()
     flight = Flight(flown=equipped(**changes), search=search)
     search.requests(0.0)
@@ -208,7 +208,7 @@ def test_it_does_not_learn_the_air_from_a_hand() -> None:
     flight.run(LATE_S + 1.0)
     assert flight.mode_now == LAUNCHING
     assert not [glimpse for glimpse in search.glimpses if glimpse is not None]
-    assert value(flight, "SRCH_START") == 1.0  # nobody was asked, and nobody is late
+    assert value(flight, "SRCH_START") == 1.0  # no search was asked, and none is late
 
 
 @pytest.mark.parametrize("name", ["TGL_X", "TGL_LEAN", "TGL_SLEW"])
@@ -530,7 +530,7 @@ def test_where_no_place_is_foreseen_it_searches_by_itself_once() -> None:
     flight.set("TGL_X", 0.1)
     flight.run(0.1)
     onboard._switches.tick(lost)
-    assert value(flight, "SRCH_START") == 4.0  # whoever took it back keeps it
+    assert value(flight, "SRCH_START") == 4.0  # the value of the one that took it back stays
     flight.run(0.1)
     assert "FC_ACT 4 acts as 2: its search is over" in texts(flight.outbound())
     assert flight.mode_now in (CAPTURING, SOARS)
@@ -653,7 +653,7 @@ def test_the_process_answers_what_the_same_search_answers_here_and_may_die() -> 
         os.kill(beside.pid, signal.SIGKILL)
         assert wait_for(beside) is None
         assert beside.failure == "its process has died"
-        beside.send(glimpse_at(11.0, 0.6, 1.5, 0.0))  # and that harms nobody
+        beside.send(glimpse_at(11.0, 0.6, 1.5, 0.0))  # and that does no harm
     finally:
         beside.close()
 
@@ -682,7 +682,7 @@ def test_a_process_that_is_behind_listens_to_all_and_answers_the_newest() -> Non
 
 
 def test_another_search_begins_from_the_start() -> None:
-    """Also where nobody said between the two that no line is wanted."""
+    """Also without a message between the two that no line is wanted."""
     here = SearchHere()
     here.begin(tunnel_task())
     for k in range(20):  # it falls to the floor

@@ -554,7 +554,7 @@ def test_on_the_ground_setting_fc_act_4_says_what_it_lacks(bench: Bench) -> None
     bench.fence = ""
     bench.switch.act_was_set()
     bench.fence = "open"
-    bench.tick()  # in control the next tick sees it
+    bench.tick()  # in control the next tick takes it
     bench.texts.clear()
     bench.switch.act_was_set()
     assert bench.texts == []

@@ -82,8 +82,8 @@ def test_a_device_that_is_not_there_yet_does_not_end_the_service_for_good(
 
 def test_its_numbers_are_those_of_the_program() -> None:
     assert int(setting("RestartPreventExitStatus")) == EXIT_CANNOT_START
-    assert int(setting("LimitRTPRIO")) == PRIORITY + 1  # the guard's
-    assert float(setting("WatchdogSec")) > HANGS_S  # a slow start is the guard's to judge
+    assert int(setting("LimitRTPRIO")) == PRIORITY + 1  # the watchdog's
+    assert float(setting("WatchdogSec")) > HANGS_S  # a slow start is judged by the watchdog
     assert setting("KillSignal") == setting("WatchdogSignal") == "SIGTERM"
 
 

@@ -1,4 +1,4 @@
-"""A changed parameter: what follows at once, what waits for the next tick, and who is told."""
+"""A changed parameter: what follows at once, what waits for the next tick, and what is notified."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tgl_soar.link.telemetry import StatusTexts
 from tgl_soar.onboard.counters import Counters
 from tgl_soar.onboard.settings import FlightSettings
 
-# Its surroundings only remember, which native code refuses.
+# Its surroundings only record calls, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 STATION = Source(255, 190)
@@ -24,7 +24,7 @@ LOW_US = 1100  # of a switch
 
 
 class Scene:
-    """The settings, and what they told others."""
+    """The settings, and what they reported to others."""
 
     def __init__(self, **values: float) -> None:
         self.reported: list[tuple[str, float]] = []

@@ -22,12 +22,12 @@ REPLAYS = 20  # of all that was recorded
 
 
 class SignedModule(Module):
-    """Its station signs, follows the module's stamps, and is recorded by somebody."""
+    """Its station signs, follows the module's stamps, and is recorded by a third party."""
 
     def __init__(self, key: Path) -> None:
         super().__init__("--signing-key", str(key), "--unsigned-autopilot")
         self.recorded: list[bytes] = []
-        self.stamps: dict[tuple[int, int], list[int]] = {}  # of what the module said, by sender
+        self.stamps: dict[tuple[int, int], list[int]] = {}  # of what the module sent, by sender
         self._station.signing.secret_key = KEY
         self._station.signing.sign_outgoing = True
         self._follow(round((time.time() - EPOCH_S) * TICKS_PER_S))
@@ -89,7 +89,7 @@ def child_of(module: Module) -> int:
 
 def test_a_recorded_engagement_is_refused_by_the_process_that_is_started_again(key: Path) -> None:
     """The flying process is killed, the watchdog starts another: it listens, and only to those
-    who sign now."""
+    that sign now."""
     module = SignedModule(key)
     try:
         assert module.receive().get_type() == "HEARTBEAT"

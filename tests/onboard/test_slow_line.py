@@ -132,7 +132,7 @@ def test_a_line_that_is_too_slow_carries_new_commands_and_the_release_at_once(wi
     flight = SlowFlight(wire)
     flight.run(1.0)
     flight.set("OP_ENGAGE", 1.0)
-    flight.run(0.5)  # what was said before the first command
+    flight.run(0.5)  # what was sent before the first command
     for _ in range(30):
         flight.run(0.1)
         assert wire.waiting() <= OTHERS_LATE_S * wire.bytes_per_s + 300

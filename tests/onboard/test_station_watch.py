@@ -73,7 +73,7 @@ def test_without_a_station_it_cannot_be_engaged_then(flight: Flight) -> None:
 
 
 def test_where_no_station_was_ever_there_nothing_is_reported(flight: Flight) -> None:
-    """Engaged by the pilot's switch, say: nobody waits for a station."""
+    """Engaged by the pilot's switch, say: no station is waited for."""
     flight.engaged()
     flight.outbound()
     flight.run(3 * LIMIT_S)

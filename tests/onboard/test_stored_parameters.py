@@ -90,7 +90,7 @@ class Flying:
         return self.values[name]
 
     def end(self, number: signal.Signals) -> str:
-        """What it has said on the console."""
+        """What it has printed on the console."""
         self.process.send_signal(number)
         words = self.process.communicate(timeout=10.0)[1]
         self.socket.close()

@@ -29,7 +29,7 @@ from tgl_soar.types import (
     SurfaceCommand,
 )
 
-# An outbox that only remembers stands for the whole one, which native code refuses.
+# An outbox that only records stands for the whole one, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 T_S = 50.0
@@ -41,7 +41,7 @@ WHOLE_FRAME = 10 + 255 + 2 + 13  # header, payload, checksum, signature of a MAV
 
 
 class Outbox:
-    """Remembers what it was given."""
+    """Records its arguments."""
 
     def __init__(self) -> None:
         self.sent: list[Any] = []

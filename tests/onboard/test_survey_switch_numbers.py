@@ -21,7 +21,7 @@ START = TargetLine(1.0, 2.0, 1.8)
 
 
 class Bench:
-    """Parameters, an operator, and a law that says what a test wants."""
+    """Parameters, an operator, and a law with the test's output."""
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.values = {"SRV_START": 1.0, "SRCH_START": 0.0, "TGL_HOLD": 0.0}

@@ -1,4 +1,4 @@
-"""Which switch is asked whether a parameter may be set, and which is told of one that was set."""
+"""Which switch is asked whether a parameter may be set, and which learns of one that was set."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from tgl_soar.onboard.switches import Switches
 
-# Its surroundings only remember, which native code refuses.
+# Its surroundings only record calls, which native code refuses.
 pytestmark = pytest.mark.interpreted
 
 

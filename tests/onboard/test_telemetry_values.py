@@ -1,4 +1,4 @@
-"""What the module tells of itself: every number under its own name, in its own unit."""
+"""What the module reports of itself: every number under its own name, in its own unit."""
 
 from __future__ import annotations
 
@@ -55,5 +55,5 @@ def test_the_array_holds_each_number_under_its_name() -> None:
 def test_the_wind_is_reported_with_what_of_it_is_estimated_across() -> None:
     west = SoaringFrame(0.0, 0.0, 0.0, radians(270.0))
     air = NO_AIR._replace(wind_mps=7.0, cross_wind_mps=2.0, updraft_mps=1.0)
-    message = wind_cov(air, west, 1.0)  # to the right of who faces west is north
+    message = wind_cov(air, west, 1.0)  # to the right, facing west, is north
     assert (message.wind_x, message.wind_y, message.wind_z) == pytest.approx((2.0, 7.0, -1.0))

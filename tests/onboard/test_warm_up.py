@@ -13,14 +13,14 @@ from tgl_soar.onboard import warm_up
 from tgl_soar.onboard.warm_up import WarmUps
 from tgl_soar.types import OURS
 
-# The tick and the decoder only remember.
+# The tick and the decoder only record calls.
 pytestmark = pytest.mark.interpreted
 
 BEAT = Heartbeat(type=18, autopilot=8, base_mode=1, custom_mode=0, system_status=4)
 
 
 class Warm:
-    """What is remembered, with a tick that does nothing."""
+    """What is recorded, with a tick that does nothing."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.done: list[Any] = []

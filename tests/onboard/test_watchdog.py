@@ -59,7 +59,7 @@ def child_of(module: Module) -> int:
 
 
 def pump_until_released(module: Module) -> float:
-    """When the first frame came that gives the surfaces back."""
+    """When the first frame came that hands over control."""
     end = time.monotonic() + PATIENCE_S
     while not (module.overrides and module.overrides[-1][1] == 0):
         assert time.monotonic() < end, module.texts
@@ -68,7 +68,7 @@ def pump_until_released(module: Module) -> float:
 
 
 def pump_until_reported(module: Module, *words: str) -> str:
-    """Until one of these has been said; the text that has it."""
+    """Until one of these is reported; the text that has it."""
     end = time.monotonic() + PATIENCE_S
     while not (reported := [text for text in module.texts if any(word in text for word in words)]):
         assert time.monotonic() < end, module.texts
@@ -158,7 +158,7 @@ def test_a_signal_to_both_at_once_gives_the_surfaces_back(module: Module, number
 
 
 def _signalled(module: Module, number: int) -> str:
-    """What is said in the end where both processes get a signal while they have the surfaces."""
+    """What is reported in the end where both processes get a signal while in control."""
     module.engage()
     for pid in (module.process.pid, child_of(module)):
         with suppress(ProcessLookupError):  # the first has passed it on, and the second has ended
@@ -513,7 +513,7 @@ def test_for_a_dead_process_only_our_own_mode_is_left(mode: int, asked: list[int
 
 
 def test_the_release_for_a_dead_process_is_signed_beyond_all_that_it_has_signed() -> None:
-    """It was shown before the last frames, and who has received these takes an older stamp for a
+    """It was shown before the last frames, and a peer that has these takes an older stamp for a
     record: of a process that hung, those of half a second at 400 Hz, four a tick.  And it stays
     below what was reserved for it, where its successor begins."""
     key, shown = bytes(range(1, 33)), 40 * 366 * 86_400 * TICKS_PER_S

@@ -38,7 +38,7 @@ class Life(NamedTuple):
 
 
 class World:
-    """Processes that live as they are told, and what the watchdog does to them."""
+    """Processes that live as scripted, and what the watchdog does to them."""
 
     def __init__(self, *lives: Life) -> None:
         self.now_s = 1000.0
@@ -133,7 +133,7 @@ def test_a_loop_may_stand_still_for_so_long_and_is_killed_after_that(
     assert world.watch() == 0
     ((at_s, pid, number),) = world.killed
     assert (pid, number) == (101, signal.SIGKILL)
-    # It is seen one look late that the last round was the last, and one look late that it is long.
+    # It is noticed one look late that the last round was the last, and one late that it is long.
     assert still_s - LOOK_S <= at_s - 1020.0 <= still_s + 2 * LOOK_S
     assert world.words[0][:35] == f"the flying process {words}"[:35]
     assert bool(world.released) is has_surfaces
@@ -307,7 +307,7 @@ class Exited(BaseException):
 
 
 class Fork:
-    """fork(2) as the child sees it."""
+    """fork(2) in the child."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *, is_orphan: bool = False) -> None:
         self.asked: list[tuple[int, ...]] = []  # of the kernel

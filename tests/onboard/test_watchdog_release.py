@@ -273,7 +273,7 @@ def test_its_mode_is_left_after_the_surfaces_were_released(scene: Scene) -> None
     scene.link.mode = GUIDED
     scene.hand_over(flown=guided())
     kinds = [m.get_type() for m in scene.link.outbound()]
-    assert kinds[-2:] == ["HEARTBEAT", "COMMAND_LONG"]  # heard first, for a peer may be a new one
+    assert kinds[-2:] == ["HEARTBEAT", "COMMAND_LONG"]  # sent first, for a peer may be a new one
     (asked,) = scene.link.outbound("COMMAND_LONG")
     route = guided().flavour.route
     assert (asked.command, asked.param2) == (mavlink.MAV_CMD_DO_SET_MODE, route.mode_to_leave)

@@ -4,7 +4,7 @@ Bridge, module and pilot fly in lockstep, so that a machine that is busy slows t
 and does not disturb it; the pilot holds time back to `SPEED` times its natural pace, because the
 stations that join live by the clock on the wall.
 
-Every address is on the loopback interface, every port is one that nobody has.
+Every address is on the loopback interface, every port is free.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class BadRadio:
         try:
             side.sendto(data, to)
         except OSError:
-            return  # nobody listens there any more
+            return  # no socket listens there any more
 
     def close(self) -> None:
         self._ended.set()
@@ -196,14 +196,14 @@ class Pilot:
         )
 
     def wait(self, what: str, is_so: Any, seconds: float = 15.0) -> None:
-        """Until it is so.  Errors: AssertionError with what was said."""
+        """Until it is so.  Errors: AssertionError with the texts so far."""
         until = time.monotonic() + seconds
         while not is_so():
             assert time.monotonic() < until, f"not within {seconds:g} s: {what}; {self.texts}"
             time.sleep(0.02)
 
     def engage(self, *, settle: bool = False) -> None:
-        """Until the module has the surfaces, or until the aircraft is on its line."""
+        """Until the module is in control, or until the aircraft is on its line."""
         engage = mavlink.MAV_CMD_USER_1
         self.wait("a position", lambda: self.values.get("soar_x", 0.0) > 0.1, 60.0)
         time.sleep(0.5)
@@ -226,7 +226,7 @@ class Scene:
         """own_link: stations reach the module at `module_port`, too, with no Pixhawk between."""
         self.folder = folder
         self.pilot = Pilot()
-        self.port = free_port()  # where stations speak to
+        self.port = free_port()  # where stations send to
         companion = f"{LOCAL}:{free_port()}"
         files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
         self.module_port = free_port()
@@ -261,7 +261,7 @@ class Scene:
             )
 
     def log(self, name: str) -> str:
-        """What a process has said."""
+        """What a process has printed."""
         return (self.folder / f"{name}.log").read_text()
 
     def assert_flies(self) -> None:

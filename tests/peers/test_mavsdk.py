@@ -59,7 +59,7 @@ def test_two_clients_at_once_read_and_set(tmp_path: Path, bad: bool) -> None:
             assert found["set"] == {name: as_wire_value(value) for name, value in values.items()}
             assert found["refused"]
             assert found["lean"] == 15.0
-        # No silent difference: the good link has heard what every client believes.
+        # No silent difference: the good link has received what every client reports as set.
         for found in reports:
             for name, value in found["set"].items():
                 assert scene.pilot.parameters[name] == value

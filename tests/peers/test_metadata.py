@@ -25,7 +25,7 @@ CLIENT = Path(__file__).parent / "mavsdk_metadata.py"
 )
 def test_mavsdk_reads_the_metadata(tmp_path: Path) -> None:
     """On a link of the module's own: a Pixhawk that does not know COMPONENT_METADATA, as ArduPilot
-    and the bridge, passes it on to nobody."""
+    and the bridge, does not pass it on."""
     scene = Scene(tmp_path, own_link=True)
     try:
         scene.pilot.engage()

@@ -1,4 +1,4 @@
-"""How ArduPlane wants its surfaces: channels, pulses, and the two ways to release them."""
+"""How ArduPlane is sent its surfaces: channels, pulses, and the two ways to release them."""
 
 from math import inf, nan, radians
 

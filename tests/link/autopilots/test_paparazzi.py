@@ -1,4 +1,4 @@
-"""Paparazzi's datalink: the pulses of each channel, when it obeys, what is said of its streams."""
+"""Paparazzi's datalink: the pulses of each channel, when it obeys, the report on its streams."""
 
 from __future__ import annotations
 

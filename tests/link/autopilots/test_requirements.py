@@ -35,7 +35,7 @@ HILL = Needs(override_system=255, loop_rate_hz=200.0, external_pose=False, gps=T
 
 
 class Row(NamedTuple):
-    """Of a parameter: values with which nothing is said, and with which something is."""
+    """Of a parameter: values without a report, and with one."""
 
     name: str
     good: tuple[float, ...]
@@ -199,7 +199,7 @@ def asked_by(firmware: str, route: str, needs: Needs) -> tuple[Requirement, ...]
 
 
 def complaints(firmware: str, route: str, needs: Needs, name: str, value: float) -> set[str]:
-    """The levels of what is said of a vehicle that answers with one parameter alone."""
+    """The levels of what is reported of a vehicle that answers with one parameter alone."""
     rows = asked_by(firmware, route, needs)
     answered = [row for row in rows if name in row.names]
     return {f.requirement.level for f in compare(tuple(answered), {name: value}) if not f.ok}
@@ -232,7 +232,7 @@ def test_there_is_no_row_that_the_page_lacks(
 def test_what_every_release_has_must_answer(
     firmware: str, route: str, needs: Needs, rows: tuple[Row, ...]
 ) -> None:
-    """A name that nobody answers to is either of another release, or a mistake of ours."""
+    """A name without an answer is either of another release, or a mistake of ours."""
     asked = asked_by(firmware, route, needs)
     silent = {name for f in compare(asked, {}) if not f.ok for name in f.requirement.names}
     assert silent == {row.name for row in rows if must_answer(row.name)}
@@ -292,7 +292,7 @@ def test_a_requirement_holds_or_says_what_to_set(
 @pytest.mark.parametrize("relation", RELATIONS)
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 def test_what_is_no_number_meets_no_requirement(relation: str, value: float) -> None:
-    """An autopilot's parameter, or what somebody sends in its name, ends no flight."""
+    """An autopilot's parameter, or what another sends in its name, ends no flight."""
     row = Requirement(names=("X",), relation=relation, wanted=1.0, why="because")
     (found,) = compare((row,), {"X": value})
     assert not found.ok

@@ -1,4 +1,4 @@
-"""Each firmware by each of its routes: what it is told, when it obeys, who it must be."""
+"""Each firmware by each of its routes: what it is sent, when it obeys, and its identity."""
 
 import struct
 from math import isfinite, pi

@@ -41,7 +41,7 @@ DISARMED = 1 | 64
 
 
 class Bench:
-    """A check, and an autopilot that drives its servos as it is told, or nearly."""
+    """A check, and an autopilot that drives its servos as commanded, or nearly."""
 
     def __init__(self, *, armed_on_ground: bool = False) -> None:
         flavour = ArduPilot(CHANNELS, 1)
@@ -51,7 +51,7 @@ class Bench:
         self.outputs = {1: 1, 2: 2, 4: 4}  # which channel each output follows
         self.offset_us, self.gain = 0, 1.0
         self.beats = self.reads_back = True
-        self.speed_mps: float | None = None  # as it is told with each heartbeat
+        self.speed_mps: float | None = None  # as it is reported with each heartbeat
         self._pulses = {1: 1480, 2: 1500, 4: 1500}
         self.hear_heartbeat()
 

@@ -167,7 +167,7 @@ def test_before_any_step_no_latency_is_known() -> None:
     made = check()
     assert all(map(isnan, made.latencies_s))
     made.step(100.0)
-    made.take(outputs(_2=1900), 100.1)  # at neutral nothing is to be seen
+    made.take(outputs(_2=1900), 100.1)  # at neutral no motion is expected
     assert all(map(isnan, made.latencies_s))
 
 

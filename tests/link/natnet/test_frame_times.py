@@ -1,4 +1,4 @@
-"""The times of frames and the echoes that tell them: each limit from both sides."""
+"""The times of frames and the echoes that give them: each limit from both sides."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def test_ten_echoes_come_in_quick_succession_and_then_one_each_second() -> None:
     times = times_of(known(), layout.ECHO_REQUEST, 3.7)
     assert times == pytest.approx([0.05 * i for i in range(11)] + [1.5, 2.5, 3.5], abs=0.011)
     assert times_of(known(lockstep=True), layout.ECHO_REQUEST, 3.0) == []
-    # A server that has restarted is measured anew; another clock of ours lets all be due.
+    # A server that has restarted is measured again; another clock of ours lets all be due.
     server = known()
     times_of(server, layout.ECHO_REQUEST, 3.0)
     server.reset()

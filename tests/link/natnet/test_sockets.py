@@ -130,7 +130,7 @@ def test_what_cannot_be_sent_is_counted_and_raises_nothing(server: Server) -> No
 
 
 class Refused(socket.socket):
-    """As Linux answers a datagram to a port that nobody listens on: at the next read."""
+    """As Linux answers a datagram to a port without a listener: at the next read."""
 
     refusals = 0
 

@@ -1,4 +1,4 @@
-"""A host and a port behind the kind of a link, and what is said where there are none."""
+"""A host and a port behind the kind of a link, and what is reported where there are none."""
 
 from __future__ import annotations
 

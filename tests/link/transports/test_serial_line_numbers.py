@@ -1,4 +1,4 @@
-"""How much may wait on a serial line, by its rate, and what is said of a device that is not one.
+"""How much may wait on a serial line, by its rate, and the error of a device that is not one.
 
 The driver's count of what waits is made up.
 """

@@ -107,7 +107,7 @@ def test_a_peer_that_is_not_there_is_named_with_the_way_out() -> None:
 
 
 class Trying:
-    """A socket whose tries to connect end as they are told."""
+    """A socket whose attempts to connect end as scripted."""
 
     answers: list[int]
     made: list[Trying]
@@ -157,7 +157,7 @@ def test_a_connection_is_begun_at_one_try_and_looked_at_in_the_next(
     assert second.closed == 1
     Trying.answers = [errno.EINPROGRESS]
     assert not link._reopen(300.0)
-    assert len(Trying.made) == 3  # the next begins anew
+    assert len(Trying.made) == 3  # the next begins again
 
 
 def test_after_a_loss_it_is_tried_after_a_second(made: Made) -> None:

@@ -25,7 +25,7 @@ from tgl_soar.link.transports.base import (
         errno.ENETDOWN,
         errno.ENETUNREACH,
         errno.EHOSTUNREACH,
-        socket.EAI_AGAIN,  # whoever knows names can be asked again
+        socket.EAI_AGAIN,  # the name server can be asked again
     ],
 )
 def test_what_another_program_or_a_network_mends_may_pass(number: int) -> None:

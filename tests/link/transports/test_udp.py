@@ -1,4 +1,4 @@
-"""UDP on this machine: who speaks to a listener, who holds its place, and what a call costs."""
+"""UDP on this machine: which peer a listener has, for how long, and what a call costs."""
 
 import select
 import socket

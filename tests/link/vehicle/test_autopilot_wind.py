@@ -1,4 +1,4 @@
-"""The wind that an autopilot reckons with: from which message, in which frame, how long known."""
+"""The wind that an autopilot reports: from which message, in which frame, how long known."""
 
 from __future__ import annotations
 

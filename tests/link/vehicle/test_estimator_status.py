@@ -90,7 +90,7 @@ def test_a_position_is_reckoned_where_the_estimator_has_lost_what_it_had(
     status: Any, before: int, now: int, reckoned: bool
 ) -> None:
     talk = session()
-    assert not place(talk, 1000)  # nothing said makes nothing uncertain
+    assert not place(talk, 1000)  # without a report nothing is uncertain
     hear(talk, status(before), 1.1)
     place(talk, 1200)
     hear(talk, status(now), 1.3)

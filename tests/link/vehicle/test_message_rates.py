@@ -145,7 +145,7 @@ def test_the_airframe_file_chooses_the_accelerations(
             (GLOBAL_POSITION, LOCAL_POSITION),
             {"GLOBAL_POSITION_INT": 50.0, "LOCAL_POSITION_NED": 50.0},
         ),
-        ((MOCAP, VISION), {}),  # of somebody else
+        ((MOCAP, VISION), {}),  # of another source
     ],
 )
 def test_positions_are_asked_for_as_the_site_file_names_them(

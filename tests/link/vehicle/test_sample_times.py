@@ -1,4 +1,4 @@
-"""Stamps of one vehicle: when a sample was true, and what is said of clocks that do not fit.
+"""Stamps of one vehicle: when a sample was true, and what is reported of clocks that do not fit.
 
 Time is an argument; nothing here waits.
 """
@@ -28,8 +28,8 @@ QUEUE_S = 0.3
 
 
 class Vehicle:
-    """Attitudes at 100 Hz and positions at 20 Hz of one clock; how they are timed, and what is said
-    of them."""
+    """Attitudes at 100 Hz and positions at 20 Hz of one clock; how they are timed, and the reports
+    on them."""
 
     def __init__(self, uptime_s: float = 50.0, *, lockstep: bool = False) -> None:
         self.now_s = 1000.0
@@ -212,7 +212,7 @@ def test_several_stamps_of_another_clock_are_reported_with_its_distance(
 def test_another_clock_is_reported_every_ten_seconds() -> None:
     vehicle = Vehicle()
     vehicle.run(1.0)
-    for _ in range(11):  # every 2.1 s it stops and begins again, which counts anew
+    for _ in range(11):  # every 2.1 s it stops and begins again, which counts again
         vehicle.run(0.1, also_ahead_s=7.5)
         vehicle.run(2.0)
     assert len(vehicle.reported("stamps of another clock")) == 3  # after 0, 10.5 and 21 s

@@ -1,4 +1,4 @@
-"""The autopilot's state as its heartbeats say: whose they are, and what is remembered of them."""
+"""The autopilot's state as its heartbeats report it: whose they are, and what is kept of them."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_another_firmware_accepts_nothing_and_is_reported_once_as_an_error() -> 
     assert severity == mavlink.MAV_SEVERITY_ERROR
     assert words == vehicle.known.mismatch
     assert "MAV_AUTOPILOT 12, not 3" in words
-    vehicle.hear(3.0)  # the right one: nothing is to be said
+    vehicle.hear(3.0)  # the right one: nothing is reported
     assert vehicle.known.mismatch == ""
     assert vehicle.known.status.accepts_surfaces
     assert len(vehicle.notices) == 1

@@ -38,7 +38,7 @@ class Log:
         self.orders.put(Order(ending, buffer, len(data), begins_us))
 
     def write(self) -> list[str]:
-        """All that was ordered; what is said of it."""
+        """All that was ordered; what is reported of it."""
         self.disk.start()
         assert self.disk.stop()
         return self.disk.messages()

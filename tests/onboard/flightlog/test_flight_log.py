@@ -323,7 +323,7 @@ FLOOD_HZ = 4000  # of frames, while the module flies
 
 
 def stranger() -> bytes:
-    """The longest frame there is, of a system that nobody knows."""
+    """The longest frame there is, of an unknown system."""
     return longest(mavlink.MAVLink(None, 77, 1))
 
 

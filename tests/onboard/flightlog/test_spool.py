@@ -1,4 +1,4 @@
-"""Buffers between loop and disk: when they are handed over, who has them, and what is full."""
+"""Buffers between loop and disk: when they are handed over and to which side, and what is full."""
 
 from __future__ import annotations
 

@@ -216,7 +216,7 @@ class Outer(NamedTuple):
 
 
 class Endless(NamedTuple):
-    """Nobody knows how many numbers these are."""
+    """The count of these numbers is unknown."""
 
     row: tuple[float, ...]
 
