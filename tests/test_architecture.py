@@ -1,4 +1,4 @@
-"""Who may import whom, read from the source.
+"""Which room may import which, read from the source.
 
 The table goes downward only.  A module may import what is in its row and everything below
 that; a new file in a folder falls under the folder's row by itself, a new folder needs one.
@@ -81,7 +81,7 @@ TABLE: dict[str, set[str]] = {
     "cli": {"analysis", "onboard", "sim"},
 }
 
-# The simulated Pixhawk speaks through pymavlink, so that our codec never talks only to itself.
+# The simulated Pixhawk uses pymavlink, so that our codec is never tested only against itself.
 PARTS: dict[tuple[str, str], set[str]] = {("sim", "link"): {"tgl_soar.link.autopilots"}}
 
 DOORS = {
@@ -358,7 +358,7 @@ def test_imports_go_downward_only() -> None:
 
 
 def test_the_package_has_thirteen_doors() -> None:
-    """Twelve rooms, one for each question that somebody new asks, and the gym: no room, but a name
+    """Twelve rooms, one for each question of a newcomer, and the gym: no room, but a name
     that other people's programs import.  It is one file, and nothing of ours imports it."""
     found = {p.stem for p in SOURCE.iterdir() if p.suffix == ".py" or (p / "__init__.py").is_file()}
     assert found - {"__init__"} == DOORS

@@ -25,7 +25,7 @@ def test_it_is_made_once_while_the_others_wait(tmp_path: Path) -> None:
 
 @pytest.mark.xdist_group("of one worker")
 def test_groups_are_handed_out_as_groups(request: pytest.FixtureRequest) -> None:
-    """pytest 9.2 with pytest-xdist 3.8 forgets them without a word: tests that need real time run
+    """pytest 9.2 with pytest-xdist 3.8 drops them without a message: tests that need real time run
     beside one another, and what a file's tests share is made by each worker."""
     if not request.config.getoption("loadgroup", False):
         pytest.skip("not with --dist loadgroup")

@@ -163,7 +163,7 @@ def test_euler_rates_are_what_a_turning_body_shows(
 
 def test_euler_rates_stay_numbers_straight_up() -> None:
     roll_rate, pitch_rate, yaw_rate = euler_rates(0.3, 0.5 * pi, 1.0, 2.0, 3.0)
-    # At most a twentieth of a horizontal turn's share is divided by.
+    # The divisor is never less than a twentieth of that of a horizontal turn.
     assert abs(yaw_rate) <= 20.0 * (2.0 * sin(0.3) + 3.0 * cos(0.3)) + 1e-9
     assert abs(roll_rate) <= 1.0 + abs(yaw_rate)
     assert pitch_rate == pytest.approx(2.0 * cos(0.3) - 3.0 * sin(0.3))

@@ -194,7 +194,7 @@ def test_what_the_module_hands_over_ends_the_episode() -> None:
 
 
 def test_what_ends_in_the_last_tick_of_its_time_is_not_cut_off_as_well() -> None:
-    """Who learns from it would else count on what comes after: there is nothing."""
+    """A learner would else count on what comes after: there is nothing."""
     time_s, why = dive(compile=False)
     env = plain("surfaces", seconds=time_s)
     env.reset(seed=1)

@@ -6,7 +6,7 @@ Two floats that have changed places pass every type check and most tests; two na
 native code is made, keywords stand in the order of the fields, so that the compiler's copy of the
 source can drop them (`cli.direct_tuples`).
 
-A starred argument gives fields by their places too, and nobody sees how many.  What has all fields
+A starred argument gives fields by their places too, and hides how many.  What has all fields
 in their order, such as a row of a file, becomes a named tuple by `_make`; no more than four of its
 elements stand there one by one.
 """

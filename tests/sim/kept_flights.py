@@ -1,10 +1,10 @@
 """Short flights, and what the module made of them: the mean of every number of its output.
 
-    python tests/sim/kept_flights.py        flies them and keeps the numbers anew
+    python tests/sim/kept_flights.py        flies them and records the numbers again
 
 `kept_flights.json` holds the numbers of the last time.  They say that something has changed, not
-what is right: other tests know that.  Whoever changes a law, the model or the air on purpose keeps
-them anew, and the change of this file shows in which flights it acts and on which numbers.
+what is right: other tests know that.  Whoever changes a law, the model or the air on purpose flies
+them again, and the change of this file shows in which flights it acts and on which numbers.
 """
 
 from __future__ import annotations

@@ -203,7 +203,7 @@ def test_a_wing_whose_least_sink_is_at_its_slowest_glide_has_a_polar() -> None:
     assert fit.min_sink_mps == polar_sink(fit.polar, fit.min_sink_speed_mps)
     speeds = np.linspace(fit.min_sink_speed_mps, 12.0, 20).tolist()
     sinks = [glide_at(steep, speed).sink_mps for speed in speeds]
-    with pytest.raises(ValueError, match="add slower glides"):  # of a table nobody knows it
+    with pytest.raises(ValueError, match="add slower glides"):  # of a table it is unknown
         fit_polar(speeds, sinks)
 
 
@@ -547,7 +547,7 @@ def test_drag_is_never_negative() -> None:
 
 
 def test_it_glides_on_its_side_as_the_lift_law_says() -> None:
-    # what lift_drag says is what step feels: no second law hides in the innermost loop
+    # lift_drag gives the forces in step: no second law hides in the innermost loop
     for alpha in (-0.5, -0.1, 0.1, 0.22, 0.6, 1.4, 2.5):
         q = quaternion_from_euler(0.0, alpha, 0.0)
         state = moving(q, velocity_x_mps=-9.0, elevator=0.2)
@@ -622,7 +622,7 @@ def _compile(function: Callable[..., Any]) -> Any:
 @pytest.mark.xdist_group("kernels")
 def test_compiled_it_flies_the_same_flight() -> None:
     pytest.importorskip("numba")
-    compiled(servos.servo_step)  # numba learns `_replace` with it
+    compiled(servos.servo_step)  # numba gets `_replace` with it
     fast_step, fast_air = _compile(step_in_field), _compile(_smooth_air)
     fast_servo = _compile(servos.servo_step)
     servo = servos.servo_params(AIRFRAME.model)._replace(delay_s=0.013)

@@ -1,5 +1,5 @@
-"""The simulated Pixhawk's UDP ports: who is known, who is made a link as they speak first, who is
-forgotten of too many, and what is said of a port that cannot be had."""
+"""The simulated Pixhawk's UDP ports: which peers are known, become a link by sending first, or are
+dropped of too many, and the error of a port that cannot be had."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def test_of_seventeen_strangers_the_one_that_sent_least_is_forgotten(ports: Port
     assert strangers[3].link not in ports.peers
     assert ports.surplus() is None
     again = ports.add(ports.ground, strangers[3].address, configured=False)
-    assert again.link == newest.link + 1  # as somebody new
+    assert again.link == newest.link + 1  # as a new peer
     assert ports.strangers == 18
 
 

@@ -229,7 +229,7 @@ def test_a_given_pitch_is_flown_and_logged_in_the_place_of_the_modules_own() -> 
 
 
 def test_the_loops_go_on_from_a_given_pitch() -> None:
-    """What the loops remember of one tick is what the next begins with."""
+    """What the loops keep of one tick is what the next begins with."""
     given = taken()
     given.fly(command(given, PITCH, radians(6.0)), given.flight.steps + 1)
     loops = given.flight.autopilot.loops

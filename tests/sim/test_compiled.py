@@ -142,7 +142,7 @@ def holders(value: object) -> list[int]:
 
 @needs_numba
 def test_a_compiled_flight_releases_all_that_it_was_handed() -> None:
-    """Inside a kernel nobody counts: what is freed once too often is no array any more."""
+    """A kernel counts no references: what is freed once too often is no array any more."""
     airframe, site, values, field, _ = place("tunnel")
     world = make_world(airframe, site, seed=5, turbulence=0.01, field=field)
     parts, flight = begun(prepare(world, 1.0), 5)

@@ -36,7 +36,7 @@ def later(default: str, drawn: str) -> str:
 
 
 def error(unit: str, axes: tuple[str, ...], usual: float) -> dict[str, list[str]]:
-    """A constant on the first axis unless it is said where; noise of half of it."""
+    """A constant on the first axis by default; noise of half of it."""
     unit = f"{unit} in"
     offsets = [
         f"{axis} {usual if i == 0 else 0:g} {unit} -1000..1000 drawn -{usual:g}..{usual:g}"

@@ -1,4 +1,4 @@
-"""Rigid body and point mass against their pages' equations, computed anew with vectors and rotation
+"""Rigid body and point mass against their pages' equations, computed with vectors and rotation
 matrices: forces, moments, lags, and whole steps of Heun's method, at random states of random
 aircraft whose every coefficient acts."""
 

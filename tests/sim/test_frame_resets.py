@@ -119,7 +119,7 @@ def test_not_followed_it_drags_the_aircraft_after_the_frame() -> None:
 
 
 def test_no_law_sees_a_jump_that_comes_right_behind_a_change_of_mode() -> None:
-    """A mode that has not settled is not left for holding at once: the line begins anew in it."""
+    """A mode that has not settled is not left for holding at once: the line begins again in it."""
     flown = fly(moved(1.2, 0.0), line_moves_m=0.1, EST_RESET_MAX=0.0)
     assert flown.modes[:2] == ["capturing", "holding"]
     jumped = [o for o in flown.outputs if o.quality.jumped]
@@ -141,7 +141,7 @@ def test_a_reset_of_the_heading_moves_the_line_no_more() -> None:
 def test_fence_and_ground_hold_in_the_frame_of_before_and_in_the_new_one(
     x_m: float, z_m: float, reason: str
 ) -> None:
-    """Nobody knows which of the two is right: 9 m downstream is behind the top, and 9.9 m further
+    """It is unknown which of the two is right: 9 m downstream is behind the top, and 9.9 m further
     down is in the hill."""
     ended = [o for o in fly(moved(x_m, z_m)).outputs if o.mode in (RECOVERING, RELEASED)]
     assert reason_text(ended[0].reason) == reason
@@ -161,7 +161,7 @@ def dead_reckoned(
     values = load_parameters(airframe, AIRFRAME, site, SITE)
     values = values.changed({**line_parameters(next(iter(site.lines.values()))), "AGE_POS_DR": 20})
     world = make_world(airframe, site, seed=3, turbulence=TURBULENCE, field=build_field(site.air))
-    # 1.7 m at last, along the wind of this site: what was seen through a real autopilot.
+    # 1.7 m at last, along the wind of this site: what was measured through a real autopilot.
     fault = (
         f"position.reckoned start={RESET_S} for={lasts_s} north=0 east=-0.015 reported={reported_s}"
     )

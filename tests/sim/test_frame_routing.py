@@ -162,7 +162,7 @@ def test_a_link_that_is_gone_takes_its_routes_with_it(router: Router) -> None:
     assert router.routes_to(1, 191) == (2,)
     router.forget(3)
     assert router.routes_to(255, 190) == ()
-    router.forget(3)  # it may be told twice
+    router.forget(3)  # a second removal does no harm
     assert router.links == [2]
 
 
@@ -239,5 +239,5 @@ def test_sixty_four_identities_are_remembered() -> None:
         router.route(component, framed(beat(), 5, component), *OURS)
     assert router.routes_to(5, 64) == (64,)
     assert router.routes_to(5, 65) == ()
-    router.route(99, framed(beat(), 5, 64), *OURS)  # of one that is known a link is still learnt
+    router.route(99, framed(beat(), 5, 64), *OURS)  # of one that is known a link is still learned
     assert router.routes_to(5, 64) == (64, 99)

@@ -120,7 +120,7 @@ def test_names_of_parameters_are_real_ones_none_and_no_text(sent: dict[str, set[
 
 
 def test_all_that_asks_or_tells_is_sent_in_the_name_of_others() -> None:
-    """Measurements, requests, answers and settings; of each an answer to something nobody asked."""
+    """Measurements, requests, answers and settings; of each an answer without a request."""
     names = set(RECEIVED_NAMES)
     assert len(names) == len(RECEIVED_NAMES)
     assert names >= MEASURED | {"global_position_int", "vision_position_estimate", "gps_raw_int"}
@@ -251,7 +251,7 @@ def whole(frame: bytes) -> bool:
     return True
 
 
-# --- of those who are listened to ----------------------------------------------------------------
+# --- of accepted senders -------------------------------------------------------------------------
 
 
 def test_the_autopilot_itself_sends_only_measurements_that_are_no_numbers() -> None:

@@ -234,7 +234,7 @@ def test_gusts_and_lulls_are_in_the_air_and_nowhere_else() -> None:
 
 
 def status_of(faults: list[str], until_s: float, sends: bool = True) -> AutopilotStatus:
-    """What the module knows of the autopilot at a time, commanding all the while or not."""
+    """What the module has of the autopilot at a time, commanding all the while or not."""
     injection = Injection([parse_fault(text) for text in faults])
     link = DirectLink(injection, SurfaceCommand(0.0, 0.0, 0.0))
     received = AutopilotStatus(time_s=NAN, accepts_surfaces=False, armed=False)

@@ -1,5 +1,5 @@
 """Faults at work, number by number: what is late by how much, what a wrong sample has, where a bad
-servo goes, when the autopilot beats and forgets, and what the duplicate reports."""
+servo goes, when the autopilot sends heartbeats and reboots, and what the duplicate reports."""
 
 from __future__ import annotations
 
@@ -532,7 +532,7 @@ def test_a_late_throttle_stands_until_it_comes_and_with_its_command() -> None:
     assert link.throttle == 0.0
     link.surfaces(0.2, None)
     assert link.throttle == 0.75
-    link.surfaces(0.71, None)  # nobody has repeated it
+    link.surfaces(0.71, None)  # it was not repeated
     assert link.throttle == 0.0
 
 

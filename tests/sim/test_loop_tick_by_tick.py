@@ -1,5 +1,5 @@
 """The module and the world in one process, tick by tick: who holds the aircraft, what is commanded
-before the module is active, when changes act, and how a flight is said to have ended."""
+before the module is active, when changes act, and how a flight is reported to have ended."""
 
 from __future__ import annotations
 

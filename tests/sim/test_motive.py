@@ -81,7 +81,7 @@ def test_fixes_come_over_the_network(multicast: bool) -> None:
     options = MotiveOptions(version=(4, 2), multicast=multicast, group=GROUP, data_port=port)
     with streaming(options, Mocap(server="-", body="aircraft")) as server:
         stream = "multicast" if multicast else "unicast"
-        # The site need not know the group and port: the server tells them.
+        # The site need not know the group and port: the server reports them.
         feed = MocapFeed(site_of(server, stream=stream, interface="127.0.0.1", data_port=port))
         try:
             fixes = listen(feed, 20)

@@ -120,7 +120,7 @@ def test_an_echo_has_the_clients_stamp_and_the_servers_ticks() -> None:
         (asking_for(3, 1), (4, 1), False, (3, 1)),
         (asking_for(3, 0), (4, 1), False, (3, 0)),
         (asking_for(4, 2), (4, 1), False, (4, 1)),  # newer than the server
-        (asking_for(2, 9), (4, 1), False, (4, 1)),  # older than any that it speaks
+        (asking_for(2, 9), (4, 1), False, (4, 1)),  # older than any that it supports
         (asking_for(0, 0), (4, 1), False, (4, 1)),
         (asking_for(3, 1), (4, 1), True, (4, 1)),  # the group's is for all of them
         (asking_for(3, 1, length=269), (4, 1), False, (3, 1)),
@@ -136,7 +136,7 @@ def test_a_client_may_ask_for_an_older_version(
     (info,) = motive.take_datagrams()
     name_and_program = 4 + 256 + 4
     assert tuple(info.data[name_and_program : name_and_program + 2]) == spoken
-    if not multicast:  # and is spoken to so
+    if not multicast:  # and is answered so
         motive.step(CLOCK_S, 0.0, PLACE, STILL)
         motive.send(CLOCK_S, 1.0)
         (frame,) = motive.take_datagrams()
@@ -432,7 +432,7 @@ def test_a_restarted_server_forgets_its_clients_and_counts_again(
         assert frame.suffix.stamp_camera_mid_exposure == ticks
         # 0.21 … 0.40 s are twenty exposures; the second time none was in between.
         assert frame.prefix.frame_number == (21 if restarts == 1 else 1)
-    assert answers(motive, request(CONNECT), now_s=0.55) == []  # nobody is there meanwhile
+    assert answers(motive, request(CONNECT), now_s=0.55) == []  # the server is away meanwhile
 
 
 def test_garbage_is_cut_has_more_behind_it_or_is_another_inside() -> None:

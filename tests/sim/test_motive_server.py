@@ -1,5 +1,5 @@
 """The stand-in for Motive on its ports, on this computer and in simulated time: what is answered
-at once, what is streamed to whom and from where, and what is counted as lost."""
+at once, what is streamed to which address and from where, and what is counted as lost."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_client_is_streamed_what_was_exposed_after_the_latency() -> None:
         server.serve(0.0)
         received(client)
         counts = []
-        for step in range(7):  # of 5 ms; every other exposes, and is seen two steps later
+        for step in range(7):  # of 5 ms; every other exposes, and is received two steps later
             server.step(step, 0.005 * step, PLACE, STILL)
             counts.append(len(received(client)))
         assert counts == [0, 0, 1, 0, 1, 0, 1]

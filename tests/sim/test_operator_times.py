@@ -20,7 +20,7 @@ SURVEY = PlannedLeg("y", {"SRV_START": 1.0}, stay_s=99.0, surveys=True)
 
 
 class Wire:
-    """What the operator is told and what it sends; values are confirmed unless a test says not."""
+    """What the operator receives and sends; values are confirmed unless a test says not."""
 
     def __init__(self, legs: list[PlannedLeg], **options: Any) -> None:
         self.operator = Operator(legs, 1, 191, **options)

@@ -85,7 +85,7 @@ def test_without_drag_and_lag_energy_is_kept() -> None:
             state.velocity_y_mps - wind[1],
             state.velocity_z_mps - wind[2],
         )
-        height = state.z_m - wind[2] * seconds  # seen by somebody who drifts with the air
+        height = state.z_m - wind[2] * seconds  # in a frame that drifts with the air
         return 0.5 * hypot(*through) ** 2 + MODEL.gravity_mps2 * height
 
     seconds = 0.0
@@ -249,7 +249,7 @@ def test_hostile_wind_leaves_numbers(seed: int) -> None:
 
 
 def test_an_accelerometer_feels_lift_alone_in_a_steady_glide() -> None:
-    """What it feels is what holds the aircraft up: gravity's size, upwards."""
+    """It measures what holds the aircraft up: gravity's size, upwards."""
     glide = MODEL.glide_at(9.0)
     fx, fy, fz = MODEL.specific_force_frd(gliding_state(glide, STILL), STILL)
     assert (fx, fy, fz) == pytest.approx(

@@ -66,7 +66,7 @@ def test_e_rho_and_dispersion_are_scored_apart() -> None:
 
 
 def test_where_a_leg_ended_up_is_known_to_less_than_the_place_is_judged_by() -> None:
-    """At 1 % of turbulence the aircraft disperses by 3 cm along its line and forgets with the rate
+    """At 1 % of turbulence the aircraft disperses by 3 cm along its line, decorrelating at the rate
     of its slide, 0.8 1/s; places are judged to 3 cm, so the mean of a tail must be known to 2."""
     random = np.random.default_rng(3)
     sigma, rate, step = 0.03, 0.8, 0.05

@@ -124,7 +124,7 @@ def test_a_fix_is_the_truth_with_bias_and_noise_of_each_axis(k: int) -> None:
     for step in range(4 * k + 1):
         fix = sense_position(sensor, NORTH, STATE, step)
     assert (fix.sequence, fix.time_s) == (k + 1, 4 * k / HZ)
-    # x is downstream and so south, y to the right of one who faces north, z up.
+    # x is downstream and so south, y to the right when facing north, z up.
     errors = [10.0 * (i + 1) + 0.5 * (k + 0.1 * (i + 1)) for i in range(3)]
     truth = (-1.0, 2.0, -3.0)
     assert (fix.north_m, fix.east_m, fix.down_m) == pytest.approx(np.add(truth, errors))

@@ -204,7 +204,7 @@ def test_the_pilot_flies_unless_a_surface_is_overridden() -> None:
 
 
 def test_the_pilot_holds_the_place_where_they_took_over() -> None:
-    """Wherever they held it before: the sum of its errors begins anew too."""
+    """Wherever they held it before: the sum of its errors is reset too."""
     simulation = simulated(held=False)
     simulation.pixhawk.set_mode(FBWA, "a test")
     steps(simulation, 100)

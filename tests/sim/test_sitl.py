@@ -219,7 +219,7 @@ def process(command: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_path: Path) -> None:
-    """Real time, because what is tested is what happens when nobody waits."""
+    """Real time, because what is tested is what happens when nothing waits."""
     station, truth = Station(), tmp_path / "truth.csv"
     companion = f"127.0.0.1:{free_port()}"
     files = ["--airframe", str(AIRFRAME), "--site", str(SITE)]
@@ -260,7 +260,7 @@ def test_kill_9_in_flight_hands_back_and_a_restarted_module_engages_again(tmp_pa
 
 
 def test_a_flight_whose_module_is_killed_goes_on_without_it(tmp_path: Path) -> None:
-    """The time-out gives the surfaces back, and the flight says when it was killed."""
+    """The time-out hands over control, and the flight reports when it was killed."""
     flight = fly(options(tmp_path, legs=("a",), stay_s=4.0, kill_s=1.0), quietly)
     assert flight.killed_s is not None
     assert 0.9 <= flight.killed_s - flight.flown[0].stopped_s <= 1.5
@@ -280,7 +280,7 @@ def test_kill_9_of_the_operator_leaves_no_process_behind(tmp_path: Path) -> None
         while len(pids := children.read_text().split()) < 2:
             assert time.monotonic() < end, (tmp_path / "operator.log").read_text()
             time.sleep(0.05)
-        # What runs its own program has asked the kernel to be told: that came before.
+        # What runs its own program has asked the kernel for that signal: that came before.
         while any(
             len(words) < 2 or b"-c" in words[1:3]  # nothing at all while its program is loaded
             for words in (Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0") for pid in pids)

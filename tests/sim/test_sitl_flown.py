@@ -115,7 +115,7 @@ def test_who_speaks_first_and_is_understood_is_the_bridge(
 def test_once_there_is_simulated_time_the_operator_acts_on_what_comes_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before that by the clock of the wall, to nobody."""
+    """Before that by the clock of the wall, and nothing is sent."""
     script = Script([None, None, (BRIDGE, "1.5"), None, (BRIDGE, "2.5"), None, None])
     operated(script, monkeypatch, options(tmp_path))
     assert script.steps == [1000.0 + ROUND_S, 1000.0 + 2 * ROUND_S, 1.5, 2.5]

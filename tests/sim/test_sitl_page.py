@@ -1,4 +1,4 @@
-"""A simulated flight with the operator's page: what is started, when the page's address is told,
+"""A simulated flight with the operator's page: what is started, when the page's address is printed,
 and how it ends."""
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SITE = shipped("sites/tunnel.toml")
 
 
 class Recorded(SitlProcesses):
-    """Processes that nobody starts: each has said some lines by its second check, and the page ends
+    """Processes never started: each has printed some lines by its second check, and the page ends
     at its fourth."""
 
     made: list[Recorded]
@@ -53,7 +53,7 @@ class Recorded(SitlProcesses):
 def hosted(
     out: Path, monkeypatch: pytest.MonkeyPatch, **changes: Any
 ) -> tuple[Recorded, list[str], list[float]]:
-    """What was started, which addresses were told, and the naps."""
+    """What was started, which addresses were printed, and the naps."""
     naps: list[float] = []
     addresses: list[str] = []
     Recorded.made = []

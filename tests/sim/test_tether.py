@@ -1,4 +1,4 @@
-"""The tether: a force while it is taut, felt by the accelerometers, on either aircraft."""
+"""The tether: a force while it is taut, measured by the accelerometers, on either aircraft."""
 
 from __future__ import annotations
 

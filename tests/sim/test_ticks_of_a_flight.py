@@ -113,7 +113,7 @@ def test_a_flight_in_two_parts_is_that_of_the_loop_with_a_change_between_them() 
     assert rows[[0, 99, 100, 149], Row._fields.index("target_changes")].tolist() == [0, 0, 1, 1]
     assert rows[:150, 0] == pytest.approx(np.arange(150) / 200)
     line_moving = rows[:150, Row._fields.index("line_moving")]
-    assert line_moving[0] == 1.0  # nobody soars on it yet
+    assert line_moving[0] == 1.0  # it is not soared on yet
     assert line_moving[110] == 1.0
 
 

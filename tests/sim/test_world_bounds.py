@@ -1,4 +1,4 @@
-"""The world's solids and fields by a site's air, what is said of a lost aircraft, where and how it
+"""The world's solids and fields by a site's air, the report on a lost aircraft, where and how it
 is released, and what the truth of an instant is."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Measurements that come, and cannot be flown with: never lost with the surfaces in hand.
+"""Measurements that come, and cannot be flown with: never lost while in control.
 
 Fixes that come too seldom for the estimate to be confident between them, or that say of
 themselves that they are uncertain by metres; positions and attitudes that stand, jump, or are
@@ -102,8 +102,8 @@ class Flown(NamedTuple):
     """What came of a flight."""
 
     outputs: list[Output]  # of the ticks in control, and the one that ends it
-    crashed: str  # what it ran into with the surfaces in hand
-    outside_s: float  # truly outside the fence with the surfaces in hand
+    crashed: str  # what it ran into while in control
+    outside_s: float  # truly outside the fence while in control
 
     def changes(self) -> list[tuple[str, str]]:
         return self.changes_since(0.0)
@@ -322,7 +322,7 @@ def points_backwards(inputs: Inputs) -> Inputs:
         (lambda: rolls_from_side_to_side, ["released"], "attitude lost", 0.2),
         # Half of them refused; those that are right may be flown with for AGE_FROZEN.
         (lambda: every_other_is_rolled, ["released"], "attitude lost", 1.0),
-        # Refused until five agree: then it is so, or the autopilot is sure of it.
+        # Refused until five agree: then it is so, or the autopilot is confident in it.
         (lambda: points_backwards, ["released"], "nose does not point upwind", 5 * DT_S),
     ],
 )

@@ -85,7 +85,7 @@ KEEPS = "import os, pathlib; (pathlib.Path(os.environ['XDG_CACHE_HOME']) / 'kern
 
 @contextmanager
 def in_line(groups: Sequence[int], folder: Path, environment: dict[str, str]) -> Iterator[InLine]:
-    """In place of a worker: it sees what the processes before it have kept."""
+    """In place of a worker: it finds what the processes before it have kept."""
     assert (groups, environment["XDG_CACHE_HOME"]) == ((1,), str(folder / "cache"))
     assert (folder / "cache" / "kernel").exists()
     yield InLine()

@@ -40,7 +40,7 @@ class Plane:
 
 
 class Relay:
-    """Does what it is told a step later, in words; `deaf`: nothing."""
+    """Obeys a step later, in words; `deaf`: nothing."""
 
     def __init__(self, *, deaf: bool = False) -> None:
         self.armed, self.ready, self.custom_mode, self.deaf = False, False, -1, deaf

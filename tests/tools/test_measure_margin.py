@@ -1,4 +1,4 @@
-"""What a margin tells of a loss, where that is known beforehand."""
+"""What a margin shows of a loss, where that is known beforehand."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ MOST = 4.0
 def limited(x: float, most: float = MOST) -> float:
     return min(x, most) * 3.0
 """
-# It knows nothing of the factor: one change goes unnoticed.
+# It does not test the factor: one change goes unnoticed.
 TEST_OF_LAW = """\
 import pytest
 from tgl_soar.law import LIMITS, limited
@@ -353,7 +353,7 @@ def test_a_page_counts_by_folder_and_keeps_its_reasons(project: Path) -> None:
     assert all(f"- {kind}" in page for kind in LEFT_OUT)
     key = ("src/tgl_soar/law.py", "`a | b  ->  a & b`", "`MOST = 4.0`")
     assert reasons_of(page) == {key: NOT_LOOKED_AT}
-    # Somebody writes the reason; the line moves, and the reason goes along.
+    # A reason is written; the line moves, and the reason goes along.
     explained = page.replace(NOT_LOOKED_AT, "x \\| y is z").replace("law.py:2`", "law.py:7`")
     assert reasons_of(page_of(verdicts, 77, 5, project, explained)) == {key: "x | y is z"}
     behind = f"{WRITTEN}\nMade by hand:\n\n| of | noticed |\n|---|---|\n| `law.py` | 3 |\n"

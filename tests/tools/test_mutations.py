@@ -71,7 +71,7 @@ def made(source: str) -> list[str]:
         ("x = low <= a_m < most_m", ["x = (low < a_m < most_m)", "x = (low > a_m < most_m)",
                                      "x = (low <= a_m >= most_m)"]),
         ("x = a < SLOTS", ["x = (a <= SLOTS)", "x = (a >= SLOTS)"]),
-        # What nobody can tell from the source as it was.
+        # What cannot be told from the source as it was.
         ("axes.plot(2 * b, lw=0.8, alpha=0.5, ls=3)", [
             "axes.plot((2 / b), lw=0.8, alpha=0.5, ls=3)",
             "axes.plot(3 * b, lw=0.8, alpha=0.5, ls=3)",

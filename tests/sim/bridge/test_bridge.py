@@ -161,7 +161,7 @@ def test_the_aircraft_is_held_until_the_first_override(airframe: Airframe, site:
 def test_after_the_timeout_the_pilot_takes_over_and_keeps_it_up(
     airframe: Airframe, site: Site
 ) -> None:
-    """kill -9 of the module, seen from the other end; then it is given back in flight."""
+    """kill -9 of the module, seen from the other end; then control is handed over in flight."""
     simulation = Simulation(airframe, site, Options(turbulence=0.01), Path())
     simulation.pixhawk.add_link(COMPANION, ground=False)
     companion = Companion()
@@ -266,7 +266,7 @@ def test_a_flood_of_strangers_takes_no_more_than_its_share() -> None:
         ports.add(own[0], ("127.0.0.1", number), configured=False).datagrams = 1
         ports.surplus()
     assert len(ports.peers) == 1 + MAX_STRANGERS
-    assert talker in ports.peers.values()  # who has something to say stays
+    assert talker in ports.peers.values()  # a peer that sends messages stays
     assert ports.strangers == 499
     ports.close()
 

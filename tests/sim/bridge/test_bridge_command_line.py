@@ -1,5 +1,5 @@
 """The bridge's command line: what each option becomes, what each number may be, and what stands
-for a choice that nobody made."""
+for a choice that was not made."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def simulation() -> Iterator[MakeSimulation]:
 
 
 def listened(simulation: Simulation, seconds: float, *also: tuple[int, float]) -> Inbound:
-    """What a companion hears that has asked for attitude at 200 Hz and position at 50 Hz.
+    """What a companion receives that has asked for attitude at 200 Hz and position at 50 Hz.
 
     also: further messages and their rates.
     """
@@ -94,7 +94,7 @@ def test_a_reboot_is_silence_then_a_new_clock_without_memory(simulation: MakeSim
     rebooted = simulation("autopilot.reboot start=1 for=0.5")
     received = listened(rebooted, 2.0)
     assert kinds(received, 1.01, 1.5) == set()
-    assert kinds(received, 1.5, 2.1) == {"HEARTBEAT"}  # nobody has asked again
+    assert kinds(received, 1.5, 2.1) == {"HEARTBEAT"}  # they were not asked for again
     assert rebooted.pixhawk.boot_ms == 500
     assert rebooted.pixhawk.mode == MANUAL
 

@@ -179,7 +179,7 @@ def test_the_summary_counts_steps_time_crashes_and_what_was_given_up(
 
 
 class Participants:
-    """Lockstep's part of a bridge: who is missing for how many steps, and when each side is met."""
+    """Lockstep's part of a bridge: which is missing, how many steps, and when each side is met."""
 
     def __init__(self, patched: pytest.MonkeyPatch, run: Run, missing: int = 0) -> None:
         self.met: list[tuple[str, int]] = []
@@ -230,7 +230,7 @@ def test_while_somebody_is_missing_time_goes_on_at_its_natural_pace(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     run = Run(monkeypatch, pace=Pace(lockstep=True, duration_s=0.1))
-    run.took_s = {5: 0.2}  # nothing of that is told to the autopilot's clock
+    run.took_s = {5: 0.2}  # the autopilot's clock does not count that
     participants = Participants(monkeypatch, run, missing=10)
     run.bridge.run()
     assert [who for who, _ in participants.met].count("companions") == 20
@@ -472,5 +472,5 @@ def test_a_twentieth_of_ten_seconds_is_slow(each_s: float, reports: bool) -> Non
             f"{TOO_SLOW}: 0.51 s of the last 10.0 s were given up, 0.05 s at once;"
             " close other programs, or fly in lockstep"
         )
-    assert slowness.report(120.0) == ""  # it counts anew
+    assert slowness.report(120.0) == ""  # it counts again
     assert slowness.given_up_s == pytest.approx(10 * each_s)

@@ -42,7 +42,7 @@ def test_the_model_is_chosen_by_name(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_the_receiver_is_chosen_by_name(capsys: pytest.CaptureFixture[str]) -> None:
-    """The one on board knows no difference; where it says that the aircraft is, is another."""
+    """It changes the errors of the positions, and is refused for a real firmware."""
     files = ["--airframe", "eclipson_c", "--site", "hill"]
     airframe, site = load_airframe(AIRFRAME), load_site(shipped("sites/hill.toml"))
     off = {}

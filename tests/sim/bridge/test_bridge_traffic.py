@@ -1,4 +1,4 @@
-"""Datagrams between the bridge's ports and what is simulated: who gets what, how many at once, and
+"""Datagrams between the bridge's ports and what is simulated: which get what, how many at once, and
 what the faults of the radio link are given."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Who takes part in lockstep, by peers that exist in name only."""
+"""Which peers take part in lockstep, with peers that exist in name only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tgl_soar.sim.ports import Peer
 
 
 class Ports:
-    """Companions, of whom nobody sends anything unless a test says so."""
+    """Companions, of which none sends anything unless a test makes it."""
 
     def __init__(self, count: int) -> None:
         port: Any = SimpleNamespace(ground=False)
@@ -28,7 +28,7 @@ class Ports:
 
 
 class Bridge:
-    """What lockstep sees of the rest: ports, traffic and the simulated Pixhawk."""
+    """What lockstep uses of the rest: ports, traffic and the simulated Pixhawk."""
 
     def __init__(self, companions: int) -> None:
         self.ports = Ports(companions)
@@ -82,7 +82,7 @@ def test_who_answers_again_is_waited_for_again(bridge: Bridge) -> None:
     assert bridge.lockstep.is_somebody_missing  # nothing has come since
     bridge.ports.peers[0].datagrams = 8
     bridge.lockstep.readmit()
-    assert bridge.lockstep.is_somebody_missing  # it may be somebody else at its port
+    assert bridge.lockstep.is_somebody_missing  # it may be another peer at its port
     bridge.answer = 1
     bridge.lockstep.readmit()
     assert not bridge.lockstep.is_somebody_missing
@@ -90,8 +90,8 @@ def test_who_answers_again_is_waited_for_again(bridge: Bridge) -> None:
 
 
 def test_a_successor_takes_the_place_of_the_companion_that_is_gone(bridge: Bridge) -> None:
-    """A module that was started again speaks from another port: its first life never comes back,
-    and as long as somebody is missing time goes on by the clock on the wall."""
+    """A module that was started again sends from another port: its first process never comes back,
+    and as long as a peer is missing time goes on by the clock on the wall."""
     bridge.beats[1] = 1
     bridge.lockstep.readmit()
     assert bridge.reports[-1] == "the companion at 127.0.0.1:1 takes part"

@@ -1,4 +1,4 @@
-"""Lockstep's questions: who is asked and when, who is waited for and how long, and what is said of
+"""Lockstep's questions: which peers are asked and when, waited for and how long, and the reports on
 those who are missing.  Peers exist in name only, and the clock is ours."""
 
 from __future__ import annotations
@@ -207,7 +207,7 @@ def test_who_is_silent_for_longer_than_the_patience_is_given_up_and_named(
         " going on at natural pace without it"
     ]
     world.asked.clear()
-    world.lockstep.meet_companions()  # nobody is asked any more
+    world.lockstep.meet_companions()  # none is asked any more
     assert world.asked == []
 
 
@@ -258,7 +258,7 @@ def test_who_is_forgotten_is_neither_asked_nor_missed(monkeypatch: pytest.Monkey
     assert world.lockstep.is_somebody_missing
     world.when_forgotten(MODULE)
     assert not world.lockstep.is_somebody_missing
-    world.when_forgotten(SECOND)  # nobody
+    world.when_forgotten(SECOND)  # no peer
 
 
 # --- before the first step ------------------------------------------------------------------------
@@ -367,7 +367,7 @@ def test_who_stops_the_bridge_is_not_kept_waiting(monkeypatch: pytest.MonkeyPatc
     assert (world.waited, world.asked, world.announced) == ([], [], [])
 
 
-# --- who comes back -------------------------------------------------------------------------------
+# --- peers that come back -------------------------------------------------------------------------
 
 
 def missing(patched: pytest.MonkeyPatch, *links: int, lost: int) -> World:

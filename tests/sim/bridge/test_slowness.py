@@ -117,7 +117,7 @@ def test_a_machine_that_stands_still_is_reported_and_its_time_given_up(
     ran = machine.run(3.0, {400: 0.5})
     (report,) = [text for text in machine.reports if TOO_SLOW in text]
     assert "0.49 s at once" in report  # a step before it was due when it began
-    # Its clock runs on as this computer's does; what has learnt its offset finds nothing late.
+    # Its clock runs on as this computer's does; with its offset known nothing is late.
     assert machine.simulation.pixhawk.boot_ms == pytest.approx(3490, abs=15)
     assert ran.slowness.given_up_s == pytest.approx(0.5, abs=0.01)
     assert machine.now_s - 50.0 == pytest.approx(3.5, abs=0.02)

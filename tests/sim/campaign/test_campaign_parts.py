@@ -73,7 +73,7 @@ def test_a_campaign_needs_no_parameters_and_no_seeds() -> None:
     assert plain.seeds is None
 
 
-# --- who flies ------------------------------------------------------------------------------------
+# --- which worker flies ---------------------------------------------------------------------------
 
 
 def test_how_often_a_worker_may_die() -> None:
@@ -109,7 +109,7 @@ def test_a_queue_hands_out_as_many_as_there_is_room_for() -> None:
     assert taken(queue) == [2]
     queue.finished(Shard(1, [1]))
     queue.finished(Shard(2, [2]))
-    assert queue.left  # nobody has found out yet that there are no more
+    assert queue.left  # that there are no more is not known yet
     assert taken(queue) == []
     assert not queue.left
 
@@ -364,7 +364,7 @@ def test_four_libraries_and_the_processor_round() -> None:
 
 
 class Processor:
-    """As LLVM knows it."""
+    """As LLVM names it."""
 
     name, features = "znver3", "+fma,+avx2"
 

@@ -1,4 +1,4 @@
-"""What happens inside a worker: flights until nobody waits for them, signals that are the parent's
+"""What happens inside a worker: flights while they are wanted, signals that are the parent's
 affair, an end with the parent, and memory that is kept."""
 
 from __future__ import annotations

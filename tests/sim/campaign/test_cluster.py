@@ -186,7 +186,7 @@ def page_faults(how: str) -> int:
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="mallopt is glibc's")
 def test_a_worker_keeps_the_memory_of_a_flight_for_the_next() -> None:
-    assert page_faults("as started") > 20 * 400  # asked of the system anew each time
+    assert page_faults("as started") > 20 * 400  # asked of the system again each time
     assert page_faults("kept") < 400
 
 

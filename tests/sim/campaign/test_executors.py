@@ -1,4 +1,4 @@
-"""Who flies makes no difference, and who dies loses nothing."""
+"""Which process flies makes no difference, and one that dies loses nothing."""
 
 from __future__ import annotations
 

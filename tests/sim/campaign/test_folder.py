@@ -26,7 +26,7 @@ EXPECTED = [fly_cheaply(job) for job in cheap_jobs(COUNT)]
 
 
 class Stop(Exception):
-    """Somebody stops it."""
+    """It is stopped."""
 
 
 def stop_after(flights: int) -> object:
@@ -106,7 +106,7 @@ def test_what_is_of_nobody_known_is_left_alone(tmp_path: Path, name: str) -> Non
 
 @pytest.mark.parametrize("options", [{}, {"resume": True}, {"restart": True}])
 def test_two_processes_do_not_share_a_folder(tmp_path: Path, options: dict[str, bool]) -> None:
-    """From the first moment: the second deletes nothing, whatever it is told."""
+    """From the first moment: the second deletes nothing, whatever its options."""
     with CampaignFolder(tmp_path, cheap_campaign(COUNT)) as folder:
         with pytest.raises(JournalError, match="another process flies this campaign"):
             CampaignFolder(tmp_path, cheap_campaign(COUNT), **options)

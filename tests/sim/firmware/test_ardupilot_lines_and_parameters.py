@@ -345,7 +345,7 @@ def test_nothing_takes_the_aircraft_from_whoever_flies_it(
 @pytest.mark.parametrize("n", ["", "2"])
 @pytest.mark.parametrize("axis", ["X", "Y", "Z"])
 def test_both_accelerometers_count_as_calibrated(n: str, axis: str) -> None:
-    """Offsets that are not nought, and so small that they do not matter."""
+    """Offsets that are not zero, and so small that they do not matter."""
     given = flight_parameters(AIRFRAME, gps=True)
     assert given[f"INS_ACC{n}OFFS_{axis}"] == 0.001
     assert given[f"INS_ACC{n}SCAL_{axis}"] == 1.001

@@ -315,4 +315,4 @@ def test_a_real_arduplane_takes_over_with_the_landing_of_its_mission(tmp_path: P
     log = (tmp_path / "module.log").read_text()
     assert "landing: away from the slope" in log
     assert "the autopilot lands: item 2 of its mission" in log
-    assert "LND_BY" not in log  # nothing is amiss with the mission
+    assert "LND_BY" not in log  # the mission has no fault

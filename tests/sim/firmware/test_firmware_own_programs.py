@@ -26,7 +26,7 @@ HOME = HomePosition(latitude_deg=47.5, longitude_deg=8.25, altitude_m=440.0)
 
 
 class Process:
-    """What was started: it remembers how it was ended, and may not end when it is asked to."""
+    """What was started: it records how it was ended, and may not end when it is asked to."""
 
     def __init__(self) -> None:
         self.binary = Path()
@@ -212,7 +212,7 @@ def address_of(client: str) -> tuple[str, int]:
 def plane_of(
     process: Process, binary: Path, folder: Path, parameters: Mapping[str, float]
 ) -> ArduPlane:
-    """One that speaks first, as its simulator's loop does."""
+    """One that sends first, as its simulator's loop does."""
 
     def speaks(started: Process) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:

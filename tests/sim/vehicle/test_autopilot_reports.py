@@ -185,7 +185,7 @@ def test_the_estimator_says_how_it_is_aided(kind: str, more: tuple[int, ...]) ->
 
 def test_times_are_since_boot_and_of_the_samples() -> None:
     assert built("SYSTEM_TIME").time_boot_ms == 101_000
-    assert built("SYSTEM_TIME").time_unix_usec == 0  # no receiver has told it
+    assert built("SYSTEM_TIME").time_unix_usec == 0  # no receiver has reported it
     for name, ms in (("ATTITUDE", 101_000), ("ATTITUDE_QUATERNION", 101_000),
                      ("LOCAL_POSITION_NED", 100_980), ("GLOBAL_POSITION_INT", 100_980),
                      ("SCALED_IMU", 100_995), ("DISTANCE_SENSOR", 100_900),

@@ -1,8 +1,8 @@
 """The simulated Pixhawk against ArduPlane 4.6.3, in a conversation recorded from the firmware.
 
-golden/arduplane-4.6.3.jsonl was recorded by tools/golden_traffic.py (it tells what is said, by
-whom, and when) from an ArduPlane of the tag Plane-4.6.3 in software in the loop, held over the
-hill of config/sites/hill.toml with the parameters of `sim.firmware.ardupilot`.
+golden/arduplane-4.6.3.jsonl was recorded by tools/golden_traffic.py (it lists what is sent, by
+which system, and when) from an ArduPlane of the tag Plane-4.6.3 in software in the loop, held over
+the hill of config/sites/hill.toml with the parameters of `sim.firmware.ardupilot`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def golden() -> tuple[Line, ...]:
 
 
 def message_of(line: Line) -> Any:
-    """What was said, as a message: fields that are left out are 0."""
+    """What was sent, as a message: fields that are left out are 0."""
     made = getattr(mavlink, f"MAVLink_{line['name'].lower()}_message")
     fields = {name: line.get(name, 0) for name in made.fieldnames}
     if "param_id" in fields:
@@ -132,7 +132,7 @@ def test_there_are_questions_with_and_without_an_answer() -> None:
 
 
 def outputs_at(lines: Any, time_s: float) -> tuple[int, ...]:
-    """Of aileron, elevator and rudder, as they were told last."""
+    """Of aileron, elevator and rudder, as they were last reported."""
     reported = [
         line for line in lines if line["name"] == "SERVO_OUTPUT_RAW" and line["t"] <= time_s
     ]

@@ -33,7 +33,7 @@ LOCAL_POSITION_NED = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 
 
 class Peer:
-    """Somebody at the other end of a link: encodes, and reads what came back."""
+    """A peer at the other end of a link: encodes, and reads what came back."""
 
     def __init__(self, pixhawk: Pixhawk, link: int, system: int, component: int) -> None:
         self.pixhawk, self.link = pixhawk, link
@@ -479,7 +479,7 @@ def test_streams_stop_and_return_to_their_default() -> None:
 
 
 def test_by_default_a_companion_is_streamed_nothing() -> None:
-    """As in ArduPlane, whose SRx rates of a companion's port are 0 until somebody sets them."""
+    """As in ArduPlane, whose SRx rates of a companion's port are 0 until they are set."""
     pixhawk = make()
     peer = companion(pixhawk)
     peer.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, LOCAL_POSITION_NED, 20_000)
@@ -570,7 +570,7 @@ def test_an_unknown_parameter_meets_silence() -> None:
 
 
 def test_a_set_for_an_silent_component_is_executed_by_the_autopilot() -> None:
-    """The measured trap: before the companion has spoken, its mail is opened."""
+    """The measured trap: before the companion has sent anything, its messages are executed."""
     pixhawk = make()
     station = ground(pixhawk)
     station.set_parameter("SYSID_MYGCS", 9.0, target=(1, 191))
@@ -610,7 +610,7 @@ def test_heartbeats_reach_every_other_link() -> None:
     pixhawk.add_link(RADIO, ground=True)
     companion(pixhawk).heartbeat()
     assert links_of(pixhawk) == {GROUND, RADIO}
-    # The same station on two links is not told of itself.
+    # The same station on two links is not sent its own messages.
     ground(pixhawk).heartbeat()
     assert links_of(pixhawk) == {COMPANION, RADIO}
     Peer(pixhawk, RADIO, 255, 190).heartbeat()
@@ -626,7 +626,7 @@ def test_where_each_kind_of_frame_goes() -> None:
         raw = module.say(message)
         assert sorted(pixhawk.take_datagrams()) == [(GROUND, raw), (RADIO, raw)]
 
-    # To the companion, from one station: nobody else sees it, and it is not executed here.
+    # To the companion, from one station: no other link gets it, and it is not executed here.
     station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, FBWA, target=(1, 191))
     assert links_of(pixhawk) == {COMPANION}
     assert pixhawk.mode == MANUAL
@@ -667,7 +667,7 @@ def test_a_link_that_is_gone_is_no_way_to_anyone() -> None:
     pixhawk.remove_link(COMPANION)
     assert pixhawk.links.routes_to(1, 191) == ()
     station.set_parameter("SYSID_MYGCS", 9.0, target=(1, 191))
-    assert links_of(pixhawk) == {GROUND, RADIO}  # executed here again, and told to all
+    assert links_of(pixhawk) == {GROUND, RADIO}  # executed here again, and passed on to all
 
 
 def test_a_stranger_with_the_autopilots_name_is_ignored_and_reported() -> None:
@@ -835,5 +835,5 @@ def test_a_throttle_follows_its_override_and_is_the_pilots_closed_one_without() 
     run(pixhawk, 1)
     assert pixhawk.outputs.throttle == 0.0
     master(pixhawk).override(1500, 1500, 1600, 1500)
-    run(pixhawk, STEP_HZ)  # nobody repeats it
+    run(pixhawk, STEP_HZ)  # it is not repeated
     assert pixhawk.outputs.throttle == 0.0

@@ -1,4 +1,4 @@
-"""What the simulated Pixhawk tells of its sensors, and how it takes a pose."""
+"""What the simulated Pixhawk reports of its sensors, and how it takes a pose."""
 
 from __future__ import annotations
 

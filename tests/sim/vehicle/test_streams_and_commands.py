@@ -62,7 +62,7 @@ class Autopilot:
         self.pixhawk.add_link(STATION, ground=True)
 
     def steps(self, n: int, *, flying: bool = False) -> dict[int, list[Any]]:
-        """What each link hears in so many steps."""
+        """What each link receives in so many steps."""
         for _ in range(n):
             self.pixhawk.step(sensed(self.pixhawk.steps + 1, flying=flying))
         received: dict[int, list[Any]] = {COMPANION: [], STATION: []}
