@@ -1,4 +1,4 @@
-"""Ports of this machine for tests that must name one before anybody has it."""
+"""Ports of this machine for tests that must name one before it is bound."""
 
 import socket
 

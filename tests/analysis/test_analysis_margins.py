@@ -20,7 +20,7 @@ WIDE = Margin(
 
 
 def case(**breaks: Margin) -> CaseMargins:
-    """One whose other breaks bear a lot."""
+    """One with large margins at its other loop breaks."""
     return CaseMargins(
         case=MarginCase(8.5, 15.0, 0.0075, True),
         **{name: breaks.get(name, WIDE) for name in ("elevator", "line", "aileron", "rudder")},

@@ -1,4 +1,4 @@
-"""The drag that steady glides tell, on glides made of a parabola."""
+"""The drag from steady glides, on glides made of a parabola."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doublets in a glide, and the aircraft that they tell of."""
+"""Doublets in a glide, and the aircraft that they identify."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ def test_each_manoeuvre_flies_by_the_equations(brake: bool) -> None:
 
 
 def test_without_accelerometers_there_are_three_outputs() -> None:
-    """Likewise where they do not tell all along a manoeuvre."""
+    """Likewise where their samples do not cover a manoeuvre."""
     bare = problem(lift=False)
     assert bare._measured.shape == (3, 40, 2)
     holes = flown()

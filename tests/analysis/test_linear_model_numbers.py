@@ -125,7 +125,7 @@ def test_a_loop_is_stable_whose_poles_all_decay(value: float, stable: bool) -> N
 
 @pytest.mark.parametrize("ticks", [1, 3])
 def test_a_response_is_what_a_sine_leaves_of_its_own_frequency(ticks: int) -> None:
-    """Tick by tick, once what was at the beginning is forgotten, over whole periods."""
+    """Tick by tick, once the transient has decayed, over whole periods."""
     loop = small(ticks=ticks)
     radps = np.array([2.0 * pi * 2.0, 2.0 * pi * 12.5])  # of which 600 ticks hold whole periods
     for source, out in ((0, 0), (4, 3)):

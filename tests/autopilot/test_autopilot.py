@@ -507,7 +507,7 @@ def test_a_gap_is_held_through_and_flown_on_from() -> None:
     ]
     held = [o for o in flight.outputs if o.mode == modes.HOLDING]
     assert len({o.setpoints for o in held}) == 1
-    # The pitch held is the one that held the line: what the integral has learnt.
+    # The pitch held is the one that held the line: what the integral has reached.
     before = flight.outputs[0]
     expected = LAWS.pitch_trim.trim_pitch_rad + before.soaring.i
     assert held[0].setpoints.pitch_rad == pytest.approx(expected, abs=1e-3)
@@ -851,7 +851,7 @@ def test_a_clock_that_goes_back(seconds: float) -> None:
         assert flight.changes() == []
         assert abs(flight.distance()) < 0.02
     else:
-        # Samples of the future are of unknown age: what is known of the position is forgotten in
+        # Samples of the future are of unknown age: what is known of the position expires in
         # the tick of the jump, and a heartbeat that far ahead counts as silence.
         changes = [mode for mode, _ in flight.changes()]
         if seconds == -0.5:
@@ -966,7 +966,7 @@ def test_every_loop_runs_once_a_tick() -> None:
     )  # fmt: skip
     outputs = list(stood(laws, 601, roll=0.1))
     assert {o.mode for o in outputs} == {modes.CAPTURING}
-    # Roll: from the first tick on, at which dt is nought.
+    # Roll: from the first tick on, at which dt is zero.
     assert outputs[200].aileron.i == pytest.approx(-0.1 * 1.0 * 200 * DT, rel=1e-9)
     # e_rho: once the line has arrived, so many ticks, so many equal steps.
     arrived = next(k for k, o in enumerate(outputs) if not o.line.moving)
@@ -1033,7 +1033,7 @@ def test_where_the_elevator_cannot_follow_the_outer_loop_waits() -> None:
     ("loop", "blocked"), [("pitch", "elevator_blocked"), ("roll", "aileron_blocked")]
 )
 def test_where_a_surface_cannot_follow_its_loop_waits(loop: str, blocked: str) -> None:
-    """Each loop knows of its own surface, and of no other."""
+    """Each loop gets the limit of its own surface, and of no other."""
     flight = Flight().fly(1.0)
     state, last = flight.state, flight.inputs[-1]
     laws = flight.laws._replace(

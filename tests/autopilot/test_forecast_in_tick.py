@@ -154,7 +154,7 @@ def test_it_may_be_reported_alone_or_not_made_at_all() -> None:
 
 
 def test_every_leg_on_a_line_is_foreseen_by_itself() -> None:
-    """Out of control nothing is foreseen, and nothing of before remembered."""
+    """Out of control nothing is foreseen, and nothing of before is kept."""
     airframe, path = load_airframe(AIRFRAME_PATH), shipped("sites/tunnel.toml")
     site = load_site(path)
     values = load_parameters(airframe, AIRFRAME_PATH, site, path)

@@ -1,6 +1,6 @@
 """A tick and the estimator's uncertainty: which positions it flies with, what is measured.
 
-An aircraft held still and level tells all of it: where it is and what its accelerometers read
+An aircraft held still and level shows all of it: where it is and what its accelerometers read
 is known, and nothing has to be flown.
 """
 

@@ -1,5 +1,5 @@
-"""A command's talk with the autopilot over a link that is written here: what goes out when and as
-whom, which messages are accepted, and that the link is closed."""
+"""A command's messages with the autopilot over a scripted link: what goes out when and by
+which identity, which messages are accepted, and that the link is closed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OTHER = ALIVE._replace(custom_mode=7)
 
 
 class Line:
-    """A link on which a test speaks and listens."""
+    """A link on which a test sends and receives."""
 
     name, is_stream = "line", False
 

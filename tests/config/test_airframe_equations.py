@@ -335,7 +335,7 @@ def test_both_limits_of_the_rudders_rate_gain_are_met() -> None:
         assert (gain == pytest.approx(0.3 / late / (QS * B * 0.05 / IZ))) == is_delays
 
 
-# --- lift and drag as the module knows them ----------------------------------------------------
+# --- lift and drag as the module has them ------------------------------------------------------
 
 
 def test_a_file_lacks_what_lift_and_drag_need() -> None:

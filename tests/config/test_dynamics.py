@@ -1,4 +1,4 @@
-"""What the schedule knows of an airframe, from its file."""
+"""What the schedule takes of an airframe, from its file."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ WITHOUT = replace(
 
 
 def test_the_trim_is_that_of_a_glide_where_it_soars() -> None:
-    """Of the file's own model; the elevator's share of the lift is left out: half a degree."""
+    """Of the file's own model; the elevator's part of the lift is left out: half a degree."""
     found = WITHOUT.all_parameters()
     glide = glide_at(aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model), 8.7)
     assert found["PITCH_TRIM"] == pytest.approx(degrees(glide.pitch_rad), abs=0.5)

@@ -208,7 +208,7 @@ def settles(a: Floats, opened: Callable[[float], NDArray[np.complex128]]) -> boo
     ],
 )
 def test_what_is_unstable_has_no_margin(changes: dict[str, float]) -> None:
-    """|1 / (1 + L) - 1/2| is as small as ever on the far side of -1: it tells of no stability."""
+    """|1 / (1 + L) - 1/2| is as small as ever on the far side of -1: it shows no stability."""
     assert disk_margins(AIRFRAME, 8.7, 0.0245, changes) == (0.0, 0.0)
     assert min(disk_margins(AIRFRAME, 8.7, 0.0245)) > 0.5
 

@@ -43,7 +43,7 @@ def a_line(values: ParameterSet) -> tuple[float, float, float]:
 
 
 class Station:
-    """A ground station at a server, and what it knows of the values."""
+    """A ground station at a server, and its copy of the values."""
 
     def __init__(self, line: LineChanges | None = None) -> None:
         line = line or LineChanges(PRESETS)

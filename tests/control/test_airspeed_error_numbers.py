@@ -1,4 +1,4 @@
-"""What turns tell of the airspeed, in numbers: a step by hand, and the sums by weighted least
+"""What turns show of the airspeed, in numbers: a step by hand, and the sums by weighted least
 squares."""
 
 from __future__ import annotations

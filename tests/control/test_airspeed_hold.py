@@ -101,7 +101,7 @@ def test_a_glide_s_pitch_that_is_wrong_is_made_good_in_some_seconds_without_ring
 
 
 def test_too_fast_raises_the_nose_by_what_the_law_says() -> None:
-    """theta_glide + 0.05 rad for each m/s + what was learnt."""
+    """theta_glide + 0.05 rad for each m/s + what was integrated."""
     learnt = GLIDING._replace(integral_rad=0.013)
     assert pitch_of(learnt, V_MPS) == pytest.approx(GLIDE_RAD + 0.013)
     assert pitch_of(learnt, V_MPS + 0.5) == pytest.approx(GLIDE_RAD + 0.013 + 0.025)

@@ -39,7 +39,7 @@ def test_a_rate_is_damped() -> None:
 
 
 def test_a_step_of_the_setpoint_gives_no_kick() -> None:
-    # The derivative knows the gyro alone: it is the same before and after the step.
+    # The derivative uses the gyro alone: it is the same before and after the step.
     _, before = attitude_step(GAINS, REST, 0.0, 0.0, 0.3, 0.0, DT, 0)
     _, after = attitude_step(GAINS, REST, 0.5, 0.0, 0.3, 0.0, DT, 0)
     assert after.d == before.d

@@ -1,4 +1,4 @@
-"""Whether a brake pulls to one side: its averages by hand, and each of the limits that tell it."""
+"""Whether a brake pulls to one side: its averages by hand, and each of the limits that show it."""
 
 from __future__ import annotations
 

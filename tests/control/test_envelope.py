@@ -319,7 +319,7 @@ ROOM = LIMITS._replace(elevator_room=0.25, elevator_per_radps=0.2)
 @pytest.mark.parametrize(
     ("limits", "trim", "margin", "rate_radps", "most"),
     [
-        (ROOM, 0.1, inf, 0.0, 0.35),  # far from the stall as far as anybody knows: not all of it
+        (ROOM, 0.1, inf, 0.0, 0.35),  # far from the stall, or unknown: not all of it
         (ROOM, -0.2, inf, 0.0, 0.05),  # from the trim on
         (ROOM, 0.1, inf, 0.5, 0.45),  # a nose that comes up needs more for that alone
         (ROOM, 0.1, inf, -0.5, 0.35),  # one that falls needs as much as one at rest

@@ -59,7 +59,7 @@ PLACE = STILL._replace(x_m=2.0, y_m=1.0, z_m=6.0, pitch_rad=0.05)
 STATUS = AutopilotStatus(time_s=0.0, accepts_surfaces=True, armed=True)
 STILL_THERE = (0.0, 0.0, 0.0)  # the source's frame
 NO_RANGE = GroundRange(standing=0, bound_m=nan, correction_m=0.0, refused=False)
-# 9 m/s at an incidence of 0.1, as an estimator with accelerometers knows it.
+# 9 m/s at an incidence of 0.1, as estimated with accelerometers.
 AIR = NO_AIR._replace(
     airspeed_mps=9.0, alpha_rad=0.1, wind_sigma_mps=0.2, updraft_sigma_mps=0.15, measured=False
 )

@@ -266,7 +266,7 @@ def watched(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> dict[str, Any]:
 def test_a_tube_is_watched_once_it_has_spoken_and_in_flight(
     monkeypatch: pytest.MonkeyPatch, sequence: int, flying: bool, looks: bool
 ) -> None:
-    """In a hand the wing carries nothing that would tell the airspeed."""
+    """In a hand the wing carries nothing that would show the airspeed."""
     asked = asked_of(monkeypatch, "pitot_step")
     found = tick(airspeed=TUBE._replace(sequence=sequence), flying=flying)
     assert (len(asked) == 1) == looks

@@ -142,7 +142,7 @@ def lift_by_matrices() -> tuple[Numbers, Numbers]:
     p = along @ later @ p @ later.T @ along.T
     p[0, 0] += 2.0 * STATE.gusts.variance_m2ps2 * (DEPTH_M / speed) * DT
     p[1, 1] += per_depth**2 * DEPTH_M * abs(dn) + (0.03 * sink(wind)) ** 2 * DT
-    # b is forgotten over a way of depth, towards what is expected of it.
+    # b decays over a way of depth, towards what is expected of it.
     keeps = 1.0 - abs(ds) / DEPTH_M
     expected, spread = -0.7 * per_depth, (0.7 * per_depth) ** 2
     fades = np.diag([1.0, 1.0, keeps])
@@ -241,7 +241,7 @@ def negative(mean: float, variance: float) -> float:
 
 @pytest.mark.parametrize("variance", [0.0, -1e-18])
 def test_what_is_known_exactly_is_negative_for_certain_or_not_at_all(variance: float) -> None:
-    """By rounding, or as there is no noise, a variance may be nought or less."""
+    """By rounding, or as there is no noise, a variance may be zero or less."""
     assert [f._below(mean, variance) for mean in (-0.1, 0.0, 0.1)] == [1.0, 0.0, 0.0]
 
 

@@ -1,4 +1,4 @@
-"""Home without a pitot tube: the look that tells the airspeed, and how slowly it may be flown."""
+"""Home without a pitot tube: the look that shows the airspeed, and how slowly it may be flown."""
 
 from __future__ import annotations
 

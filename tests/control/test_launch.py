@@ -127,7 +127,7 @@ def test_what_flies_evidently_is_in_no_hand() -> None:
     high = Launched().look(0.9, clearance_m=4.5)
     assert high.standing == launch.HELD
     assert high.look(0.3, clearance_m=4.5).standing == launch.THROWN
-    # LNC_SPEED may be far above what anybody walks.
+    # LNC_SPEED may be far above any walking speed.
     params = PARAMS._replace(throw_mps=10.0)
     state, standings = NO_LAUNCH, []
     for k in range(300):

@@ -223,7 +223,7 @@ DT = 0.005
 def fly(state: PidState, x: float, setpoint: float, seconds: float, law: str) -> list[float]:
     """x [-] over time, and last the integral [-], of the plant x' = (u - x) / 0.5 s, |u| <= 1.
 
-    law: "here" has the limit in the law; "downstream" behind it, where only `blocked` tells of
+    law: "here" has the limit in the law; "downstream" behind it, where only `blocked` reports
     it, one step late as in the autopilot; "naive" has it there and is given nothing.
     """
     g = PI if law == "here" else PI._replace(output_min=-1e9, output_max=1e9)
@@ -293,7 +293,7 @@ def test_reset_gives_the_undisturbed_output_and_hides_no_error(
 
 
 def test_a_changed_integral_gain_gives_no_bump() -> None:
-    # The integral is remembered in units of the output, so an operator may retune in flight.
+    # The integral is stored in units of the output, so an operator may retune in flight.
     state = REST
     for _ in range(200):
         state, before = pid_step(WIDE, state, 0.3, 0.0, 0.0, 0.005, 0)

@@ -322,7 +322,7 @@ def test_where_the_firmware_holds_the_attitude_nothing_is_sought() -> None:
     ids=str,
 )
 def test_what_hardly_flies_gets_margins_or_nothing(changes: dict[str, float]) -> None:
-    """The schedule's gains stay, and the rule says what it thinks of them."""
+    """The schedule's gains stay, and the rule reports its verdict on them."""
     plain = unseen().changed({name: VALUES[name] for name in (*SHIPPED, *ANCHORS)})
     assert own_gains(plain) != {}
     strange = plain.changed(changes)

@@ -86,7 +86,7 @@ def estimates(
     airspeed_mps: float = 9.0,
     clearance_m: float = 10.0,
 ) -> Estimates:
-    """What a tick knows of an aircraft that flies well."""
+    """What a tick has of an aircraft that flies well."""
     return Estimates(
         vehicle=vehicle,
         quality=MotionQuality._make([0] * len(MotionQuality._fields)),

@@ -205,7 +205,7 @@ def test_the_line_is_flown_only_near_it_and_inside_the_fence(mode: int) -> None:
     assert not np.any(flies & everything.lacks(s.POSITION_FRESH) & everything.has(s.SETTLED))
     for safe in (s.AIR_SAFE, s.HIGH_ENOUGH):
         assert not np.any(flies & everything.lacks(safe) & everything.has(s.TROUBLED))
-    # Whoever wants to break off need not be near a line, nor anywhere else.
+    # Breaking off need not be near a line, nor anywhere else.
     wants = everything.has(s.BREAK_OFF | VITAL)
     assert np.all(everything.to[wants] == s.BREAKING_OFF)
 
@@ -358,7 +358,7 @@ def test_an_operator_who_disengages_is_received_in_every_flying_mode() -> None:
 
 
 def test_a_fault_is_reported_even_where_the_operator_disengages_in_the_same_tick() -> None:
-    # Worst first: the log shall not say "operator disengaged" of a command that was no number.
+    # Worst first: the log must not say "operator disengaged" of a command that was no number.
     healthy = (1 << s.CONDITIONS) - 1 & ~s.LINE_MOVING & ~s.ENGAGE
     faults = (
         (s.FINITE, s.FAILED, s.REASON_NOT_FINITE),

@@ -152,7 +152,7 @@ def test_the_contour_s_slope_is_known_on_the_way_there_and_on_the_way_back(stand
         state = slide.step()
         if state.standing == standing:
             found.append(state.means.slope)
-            if standing == UPSTREAM:  # as if nothing had been learnt on the way there
+            if standing == UPSTREAM:  # as if nothing had been measured on the way there
                 slide.state = state._replace(means=state.means._replace(slope=0.0))
     assert median(found[len(found) // 2 :]) == pytest.approx(expected, rel=0.1)
 

@@ -92,7 +92,7 @@ def span(declared: inspect.FloatType | inspect.IntType) -> str:
 
 
 def allowed(declared: inspect.Type) -> str | None:
-    """How the page tells what a key may be; None: in its own words."""
+    """How the page writes what a key may be; None: in its own words."""
     match declared:
         case inspect.Metadata(type=inner):
             return allowed(inner)
@@ -111,7 +111,7 @@ def allowed(declared: inspect.Type) -> str | None:
 
 
 def default(field: inspect.Field) -> str | None:
-    """How the page tells a default; None: in its own words."""
+    """How the page writes a default; None: in its own words."""
     match field.default:
         case _ if field.required:
             return "needed"

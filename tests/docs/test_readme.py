@@ -209,7 +209,7 @@ def desk(tmp_path: Path) -> Desk:
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Desk, str]:
-    """A desk at which the demo was flown, in what stands for the clone, and what that said."""
+    """A desk at which the demo was flown, in what stands for the clone, and its output."""
     desk = Desk(tmp_path_factory.mktemp("demo"))
     for name in ("Makefile", "pyproject.toml", "constraints.txt"):
         (desk.folder / name).symlink_to(ROOT / name)

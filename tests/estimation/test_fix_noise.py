@@ -105,7 +105,7 @@ def flight(
 
 
 def scatter(sd_m: float) -> Errors:
-    """Noise of this size from `BEGINS_S` on, and what the filter knows of before."""
+    """Noise of this size from `BEGINS_S` on, and what the filter assumes before."""
 
     def errors(k: int, noise: random.Random) -> Triple:
         sd = sd_m if k * DT >= BEGINS_S else GAINS.fix_sd_m
@@ -181,7 +181,7 @@ def test_no_frame_has_moved_where_a_wild_fix_led_the_estimate_away(
 
 @pytest.mark.parametrize("wild_m", [0.024, 0.06, 0.3])
 def test_a_frame_moves_a_moment_after_a_fix_that_chance_made(wild_m: float) -> None:
-    """One alone, and a glitch of which the next two tell as well."""
+    """One alone, and a glitch which the next two show as well."""
     wild = round(BEGINS_S / DT)
     moved = wild + 5 * FIX_TICKS
 

@@ -202,7 +202,7 @@ def test_stretches_of_dead_reckoning_close_to_each_other_are_one() -> None:
         )
 
     longest = max(quality.reckoned_s for _, _, _, quality in flight(flickering, 4.0))
-    # Two thirds of the 3.5 s: what is measured between them is not reckoned.
+    # Two thirds of the 3.5 s: what is measured between them is not dead reckoned.
     assert longest == pytest.approx(3.5 * 2.0 / 3.0, abs=0.4)
 
 

@@ -127,7 +127,7 @@ def test_a_tick_without_a_time_finds_nothing_fresh(now: float) -> None:
 
 
 class Watch:
-    """An aircraft that drifts downstream at 0.5 m/s, nods slowly, and tells of it at 128 Hz."""
+    """An aircraft that drifts downstream at 0.5 m/s, nods slowly, and reports it at 128 Hz."""
 
     def __init__(self) -> None:
         self.state: HealthState = initial_health()

@@ -1,4 +1,4 @@
-"""What is remembered before anything has come: no number of it says more than that.
+"""The initial states, before anything has come: no number of them claims more than that.
 
 A state begins with what is not known (NaN), with nothing (0), with never (an infinity), or with
 what is no number of anything (-1); and nothing is so yet.

@@ -372,7 +372,7 @@ def test_heading_is_nought_where_the_wind_comes_from() -> None:
     [
         {"qw": nan},
         {"qx": inf},
-        {"qw": 0.0},  # all nought
+        {"qw": 0.0},  # all zero
         {"qw": 0.89},
         {"qw": 1.11},
         {"time_s": nan},
@@ -459,7 +459,7 @@ def test_attitude_is_carried_on_with_its_rates_but_not_for_long() -> None:
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_half_a_gyro_is_none(place: int) -> None:
-    # Nothing turns: by the angles' differences all rates are nought, whatever two gyros say.
+    # Nothing turns: by the angles' differences all rates are zero, whatever two gyros report.
     state = settled()
     numbers = [9.0, 9.0, 9.0]
     numbers[place] = nan

@@ -344,7 +344,7 @@ def test_innovations_and_errors_are_as_large_as_it_says(imu: bool, speed: float 
 def test_accelerations_that_come_and_go_are_counted_on_where_they_were(
     deaf: range, silent: range
 ) -> None:
-    """The uncertainty of the time without them is not forgotten when they come back."""
+    """The uncertainty of the time without them stays when they come back."""
     noise = Noise(0.003, None, 0.2, 0.15)
     nis, gap_nees, velocity_nees = [], [], []
     for seed in range(RUNS):

@@ -1,4 +1,4 @@
-"""What the estimator of motion knows for any time: errors and uncertainty on each side of a change.
+"""What the estimator of motion has for any time: errors and uncertainty on each side of a change.
 
 From `switched_s` on accelerations count, or no longer do.  Before it errors grow by one model,
 after it by the other: matrices of both, one after the other, say the same.

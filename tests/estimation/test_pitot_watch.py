@@ -1,4 +1,4 @@
-"""Whether a pitot tube tells the truth, by what the wing carries."""
+"""Whether a pitot tube reads right, by what the wing carries."""
 
 from __future__ import annotations
 

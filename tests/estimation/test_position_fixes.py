@@ -314,7 +314,7 @@ def test_a_turn_beyond_five_sigmas_of_three_fixes_is_noise(
         turn = np.array(times(axis, factor * reach_m))
         by = LEFT + STEP + turn
         found = take(state, off(state, time_s, by))
-        # Of the first the others were as good as they said; else three are as bad.
+        # Of the first the others were as good as reported; else three are as bad.
         scatter_m2 = (factor * reach_m) ** 2 / (18.0 if before_m2 else 3.0) if is_detected else 0.0
         variance_m2 = max(NOISE_KEPT * before_m2, scatter_m2)
         assert found.noise.variance_m2 == pytest.approx(variance_m2)
@@ -456,7 +456,7 @@ def test_an_outlier_is_beyond_gate_and_five_sigmas(
             continue
         assert found.outliers[:3] == (1, time_s, False)
         assert found.outliers[3:6] == pytest.approx(by)
-        # What was used last stays what it was, and the look at this one is remembered.
+        # What was used last stays what it was, and the look at this one is kept.
         assert found.fix == LastFix(
             sequence=2, time_s=LAST_S, source=4, sum=found.fix.sum, repeated=0
         )
@@ -746,7 +746,7 @@ def test_the_same_numbers_again_are_counted() -> None:
         assert again.fix.repeated == repeated
         third = take(again, one._replace(time_s=1.3, **changes))
         assert third.fix.repeated == repeated + 1
-    # Without velocities their places tell it.
+    # Without velocities their places show it.
     still = off(state, 1.1, (0.0, 0.0, 0.0))
     assert take(take(state, still), still._replace(time_s=1.2)).fix.repeated == 1
 

@@ -26,7 +26,7 @@ pytest.importorskip("pyarrow")
 
 
 class Job(NamedTuple):
-    """A job with nothing to tell by."""
+    """A job without a description."""
 
     seed: int
 

@@ -1,5 +1,5 @@
 """Flights whose legs a test writes down itself, where `made_up.py` draws them: what an experiment
-makes of them can then be reckoned by hand."""
+makes of them can then be computed by hand."""
 
 from __future__ import annotations
 

@@ -239,7 +239,7 @@ def watched(job: EstimatorFlight, random: Random, lost: bool) -> WatchedFlight:
 
 
 def observed(job: WindFlight, random: Random, lost: bool) -> ObservedFlight:
-    """Estimators of the air that look on."""
+    """Estimators of the air that only watch."""
     time = np.arange(0.0, LOST_AT_S if lost else job.leg_s * len(job.lines), 0.1)
     usual = (8.5, 0.1, 8.5, 1.5, 0.0)
     truth = np.stack([mean + _swing(time, random, 0.1) for mean in usual], axis=1)

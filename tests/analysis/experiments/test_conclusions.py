@@ -107,6 +107,6 @@ def test_a_few_dispersed_flights_conclude(name: str) -> None:
 @pytest.mark.parametrize("name", list(map(case, LOST)))
 def test_what_loses_every_flight_is_not_said_to_agree(name: str) -> None:
     """Losses are counted: whatever claims something of flights does not hold of none.  And an
-    experiment that loses all has something to tell."""
+    experiment that loses all has something to report."""
     result = run(name, Context(flyer=MadeUp(lost=True), quick=True))
     assert result.verdict not in ("agrees", "met"), result.claims

@@ -141,7 +141,7 @@ def test_a_flight_may_start_elsewhere(scenario: Scenario) -> None:
 @pytest.mark.parametrize("model", ["rigid_body", "point_mass"])
 def test_an_aircraft_settles_where_its_own_glides_put_it(model: ModelKind) -> None:
     """Off the fitted cubic's crossing, to opposite sides by the two models; sensors' noise is 2 mm
-    and the mean of 15 s knows its place to less."""
+    and the mean of 15 s gives its place to less."""
     still = Context(Flyer(), model=model).scenario("static")
     calm = with_turbulence(msgspec.structs.replace(still, duration_s=21.0), 0.0)
     prepared = prepare(calm)

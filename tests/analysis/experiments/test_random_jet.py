@@ -21,7 +21,7 @@ STEP_M = 0.25
 
 
 def uniform(shape: JetShape) -> GridTable:
-    """Wind that tells its shape: u of the slope in degrees, w of the nozzle's height."""
+    """Wind that shows its shape: u of the slope in degrees, w of the nozzle's height."""
     u = np.full((21, 21), np.degrees(shape.slope_rad) / 10.0)
     return bake(-1.0, 0.0, STEP_M, u, np.full((21, 21), shape.nozzle_height_m))
 

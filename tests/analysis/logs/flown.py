@@ -50,7 +50,7 @@ BOOT_S = 20.0  # how long the autopilot had been on by then
 
 
 class Reported(Protocol):
-    """What the logs of other autopilots tell of a tick."""
+    """What the logs of other autopilots hold of a tick."""
 
     @property
     def inputs(self) -> Inputs: ...

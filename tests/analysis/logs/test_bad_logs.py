@@ -348,7 +348,7 @@ def test_damage_in_a_tlog_is_searched_for_frames_and_not_walked(
 
 
 def test_frames_that_were_recorded_late_do_not_turn_time_back(tmp_path: Path) -> None:
-    """Of an autopilot that tells no clock of its own."""
+    """Of an autopilot that reports no clock of its own."""
     sender, parts = mavlink.MAVLink(None, 1, 1), []
     for stamp_us in (3_000_000, 1_000_000, 2_900_000, 3_100_000):
         message = mavlink.MAVLink_attitude_message(0, *(0.0,) * 6)

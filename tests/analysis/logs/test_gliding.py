@@ -115,7 +115,7 @@ def test_without_gyros_the_pitch_rate_is_a_difference() -> None:
 
 
 def test_a_deflection_is_not_known_over_a_gap_of_its_samples() -> None:
-    """What was commanded last tells nothing of seconds that were not logged."""
+    """What was commanded last says nothing about seconds that were not logged."""
     kept = (T < 3.0 - 1e-9) | (T > 6.0 - 1e-9)
     none = np.zeros(int(kept.sum()))
     sparse = series(

@@ -31,7 +31,7 @@ every_writer = pytest.mark.parametrize("writer", WRITERS)
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, FlightData]:
-    """What each tells of it; the surfaces as often as the attitude."""
+    """What each reports of it; the surfaces as often as the attitude."""
     folder, airframe = tmp_path_factory.mktemp("glides"), load_airframe(flown.AIRFRAME)
     ticks = tuple(fly(airframe, seed=2, speeds_mps=(9.2, 8.4, 7.9, 8.8, 9.8, 10.9), doublets=4))
     return {

@@ -24,7 +24,7 @@ STANDARD_GRAVITY_MPS2 = 9.80665
 EARTH_RADIUS_M = 6_371_000.0  # mean radius
 CHECKSUM = 2  # bytes at the end of a frame
 
-Sent = tuple[float, tuple[int, int], Any]  # when [s], by whom, what
+Sent = tuple[float, tuple[int, int], Any]  # when [s], by which sender, what
 
 
 def frames(sent: Sequence[Sent], version: Any = mavlink) -> list[bytes]:
@@ -552,7 +552,7 @@ def test_what_the_log_does_not_hold_is_listed() -> None:
         assert lacking in words
 
 
-# --- what the module tells, in the operator's units -----------------------------------------------
+# --- what the module reports, in the operator's units ---------------------------------------------
 
 
 def test_setpoint_and_stall_margin_are_reported_in_degrees() -> None:

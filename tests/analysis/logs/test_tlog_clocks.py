@@ -54,7 +54,7 @@ def test_a_recorders_clock_leaps_by_a_minute_or_back(jump_s: float, leaps: bool)
 
 
 def test_a_clock_that_stands_at_zero_is_none() -> None:
-    """Ten stamps above it tell a time, however many stand at it."""
+    """Ten stamps above it give a time, however many stand at it."""
     stamps = [0.0] * 5 + even(9)
     assert clocked(stamps, even(14)).kinds["ATTITUDE"].time_s == pytest.approx(0.1 * np.arange(14))
     stamps = [0.0] * 5 + [2.0 * each for each in even(10)]

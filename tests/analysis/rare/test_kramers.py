@@ -98,7 +98,7 @@ def test_a_rim_of_the_airs_own_is_smooth() -> None:
 
 
 def test_the_rims_own_steepness_counts() -> None:
-    """Above, the excess comes back to nought four times as steeply as it left it."""
+    """Above, the excess comes back to zero four times as steeply as it left it."""
 
     def updraft(h: float) -> float:
         return 0.9 - 0.5 * h if h < 1.0 else 0.9 - 0.5 + 2.0 * (h - 1.0)
@@ -116,7 +116,7 @@ def test_the_rims_own_steepness_counts() -> None:
 
 
 def test_the_end_of_the_field_and_of_the_polar_are_edges() -> None:
-    """Above, the field ends; below, the air has no number, as where the polar knows no sink."""
+    """Above, the field ends; below, the air has no number, as where the polar has no sink."""
     lower, upper = ends(lambda h: 0.9 - 0.5 * h if h > -0.7 else nan, top_m=Z0 + 0.5)
     assert upper[0] == pytest.approx(0.5 / sin(ETA), abs=0.011)
     assert lower[0] == pytest.approx(-0.7 / sin(ETA), abs=0.011)
@@ -188,7 +188,7 @@ def test_the_air_is_that_of_the_lines_own_places(wind_slope: float) -> None:
 
 @pytest.mark.parametrize(("known_m", "smooth"), [(1.005, False), (1.025, True)])
 def test_a_rim_whose_far_side_is_not_known_is_an_edge(known_m: float, smooth: bool) -> None:
-    """The air comes back to nought at 0.995 m: steeply, if it is known beyond."""
+    """The air comes back to zero at 0.995 m: steeply, if it is known beyond."""
 
     def excess(s: float) -> float:
         if s > known_m:

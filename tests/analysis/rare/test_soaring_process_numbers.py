@@ -164,7 +164,7 @@ def test_from_a_tenth_on_the_margin_falls_as_an_exponential_and_never_to_nought(
     assert margin(y_m=1.2 * 1.1) == pytest.approx(0.1 * exp(-2.0), abs=1e-6)
 
 
-# --- who can be flown -----------------------------------------------------------------------------
+# --- what can be flown ----------------------------------------------------------------------------
 
 
 def test_a_line_that_crosses_no_contour_has_no_place_to_hover() -> None:

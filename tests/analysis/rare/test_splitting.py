@@ -1,4 +1,4 @@
-"""Splitting against what is known exactly: a process whose noise forgets at a rate."""
+"""Splitting against what is known exactly: a process whose noise decorrelates at a rate."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def test_twenty_greys_at_most_have_the_least_round_step(
     assert shades.levels[0] == 0.0
     high = 0.99 * most / 0.98
     assert high <= shades.levels[-1] < high + 1.001 * step
-    assert shades.cmap(1.0)[0] > 0.4  # colours are seen on the darkest
+    assert shades.cmap(1.0)[0] > 0.4  # colours are visible on the darkest
     assert shades.get_rasterized()
 
 

@@ -43,7 +43,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, fits: list[Fit]) -> Any:
 
 
 def panels(figure: Any) -> list[Any]:
-    """The axes that are seen, without those of the elevator."""
+    """The visible axes, without those of the elevator."""
     grid = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
     return [axes for axes in grid if axes.get_visible() and axes.get_title()]
 

@@ -178,7 +178,7 @@ def test_the_strip_lies_where_the_site_has_it_and_landings_alone_show_it(kept: l
 def test_the_ground_reaches_from_beyond_the_strip_to_behind_the_crest(
     kept: list[Any], known: bool
 ) -> None:
-    """Flat beyond what the site knows of it."""
+    """Flat beyond the site's profile."""
     passage_figure.passage_figure(PATH, site() if known else site(ground=None), {})
     side = kept[0].axes[0]
     (ground,) = side.collections

@@ -1,5 +1,5 @@
 """The demands' places one by one: at which speed, lean and latency, with which sensors and what the
-schedule knows there; and how what they give is put together."""
+schedule has there; and how what they give is put together."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def test_an_answer_is_kept_without_infinities_and_read_as_it_was() -> None:
 
 
 class NotedEvaluation:
-    """Evaluates by a function of the gains, and remembers points and reports."""
+    """Evaluates by a function of the gains, and keeps points and reports."""
 
     def __init__(self, e_rho_m: object) -> None:
         self.e_rho_m = e_rho_m

@@ -179,7 +179,7 @@ def test_before_and_after_are_judged_on_the_same_aircraft(tmp_path: Path) -> Non
     ]
 
 
-# --- who is chosen --------------------------------------------------------------------------------
+# --- which is chosen ------------------------------------------------------------------------------
 
 
 def candidate(alpha: float, e_rho_m: float) -> Candidate:

@@ -250,7 +250,7 @@ def test_the_dispersion_is_that_of_a_slide_in_drydens_gusts() -> None:
     assert found > 0.0
 
 
-# --- who flies ------------------------------------------------------------------------------------
+# --- which aircraft fly ---------------------------------------------------------------------------
 
 
 def test_aircraft_are_drawn_until_one_has_a_place(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -424,7 +424,7 @@ def test_gains_of_pitch_are_sought_for_an_aircraft_only_where_it_is_asked(
     monkeypatch.setattr(flights, "own_gains", lambda values: {"RHO_P": values["CMD_DELAY"] + 0.5})
     assert flights.values_of(VALUES, one(), PLAIN)["RHO_P"] == VALUES["RHO_P"]
     sought = flights.values_of(VALUES, one(), PLAIN, seeks=True)
-    assert sought["RHO_P"] == pytest.approx(one().latency_s + 0.5)  # it knows how late it is
+    assert sought["RHO_P"] == pytest.approx(one().latency_s + 0.5)  # its delay is known
 
 
 @pytest.mark.parametrize(("turbulence", "blows"), [(0.05, 0.05), (0.0, 1e-6)])

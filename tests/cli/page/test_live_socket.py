@@ -1,5 +1,5 @@
 """A page's connection from its hello to its end, over a socket that is written here: what is
-passed on, with which word it is closed, and that a page that has gone is forgotten."""
+passed on, with which word it is closed, and that a page that has gone is removed."""
 
 from __future__ import annotations
 

@@ -139,7 +139,7 @@ def test_a_reading_that_the_map_cannot_take_begins_it_again(
 
 
 def test_the_map_counts_with_the_wider_bias_of_a_wind_without_a_pitot_tube() -> None:
-    """Telemetry does not tell whether there is one."""
+    """Telemetry does not report whether there is one."""
     measured = air()
     for t in (0.0, 0.5):
         measured.take(sample(t), flying=True)
@@ -198,7 +198,7 @@ def test_the_same_box_keeps_the_map() -> None:
 
 
 class MadeUp:
-    """A map that says what a test wants of each place."""
+    """A map with the test's values at each place."""
 
     def __init__(self, **fields: Any) -> None:
         self.readings, self.loose = 7, 0.12345

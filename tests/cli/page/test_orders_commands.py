@@ -53,8 +53,8 @@ def test_a_command_is_sent_again_until_it_is_answered_or_given_up() -> None:
 
 @pytest.mark.parametrize("number", [ABORT, RELEASE])
 def test_an_engagement_that_was_not_answered_is_not_asked_for_after_its_end(number: int) -> None:
-    """The module takes a release for the end of an abort: the next engagement would be one that
-    nobody wants any more."""
+    """The module takes a release for the end of an abort: the next engagement would be one
+    that is not wanted any more."""
     station, done = Silent(), list[Done]()
     orders = Orders(station, done.append)
     orders.command("me", ENGAGE)

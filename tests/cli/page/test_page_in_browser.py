@@ -187,7 +187,7 @@ def test_of_two_windows_one_holds_the_line_and_the_other_sees_it(
     anna, bert = (Window(browser, served.address).loaded() for _ in range(2))
     anna.take(A, B)
     bert.shows("#holder", "holds the line")
-    bert.until(lambda: bert.value("m.ghost?.place"))  # it sees where that will end
+    bert.until(lambda: bert.value("m.ghost?.place"))  # it shows where that will end
     bert.page.focus("#plane")
     bert.page.keyboard.press("ArrowUp")
     bert.page.keyboard.press("Enter")

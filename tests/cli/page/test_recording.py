@@ -197,7 +197,7 @@ def test_the_path_as_reported_stands_where_there_are_fewer_fixes(
     position = series(
         times.tolist(), north_m=[50.0] * fixes, east_m=[70.0] * fixes, down_m=[-9.0] * fixes
     )
-    path = series(x_m=[1.0] * 3, y_m=[np.nan] * 3, z_m=[2.0] * 3)  # as telemetry tells it
+    path = series(x_m=[1.0] * 3, y_m=[np.nan] * 3, z_m=[2.0] * 3)  # as telemetry reports it
     row = rows_of(FlightData("f", "k", position=position, path=path))[0]
     if by_fixes:
         assert row["soar_x"] is not None

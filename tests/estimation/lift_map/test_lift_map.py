@@ -167,7 +167,7 @@ def test_normalised_errors_are_those_of_an_honest_map(name: str) -> None:
 
     Over 12 flights and all places within 0.3 H: 2 means that its standard deviation is 0.7 of what
     it should be, which is as far as readings whose noise is a guess can be held to; no less than
-    0.02: the map is not to say that it knows nothing, though it may be better than it hopes.
+    0.02: the map is not to report no knowledge, though it may be better than its sigma.
     """
     case = CASES[name]
     squares = []
@@ -438,7 +438,7 @@ def test_a_trend_s_process_is_stationary() -> None:
 
 
 def test_a_reading_of_the_lift_map_is_pulled_in_to_five_standard_deviations() -> None:
-    """As much is learnt of one that is 5 deviations off as of any that is farther."""
+    """As much is taken from one that is 5 deviations off as of any that is farther."""
 
     def after(deviations: float) -> Floats:
         lift = grown()

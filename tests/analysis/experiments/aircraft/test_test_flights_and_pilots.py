@@ -251,7 +251,7 @@ def test_a_glide_is_flown_with_its_own_delay_and_read_in_the_tests_wind(
     assert polar_sink(polar.polar, 9.0) == pytest.approx(sinks[2], rel=1e-3)
 
 
-# --- who flies the unseen aircraft ----------------------------------------------------------------
+# --- what flies the unseen aircraft ---------------------------------------------------------------
 
 SCENARIO = load_scenario(shipped("scenarios/unseen.toml"))
 ROW = UnseenRow(name="a row", lean_deg=15.0, turbulence=0.03)

@@ -1,5 +1,5 @@
 """The flights of the experiment on accelerometers: their sensors, what of a flight is scored, and
-how flights are compared, each figure reckoned by hand."""
+how flights are compared, each figure computed by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Links that are later than the module knows: what is flown, and what is counted at each place."""
+"""Links later than the module's estimate: what is flown, and what is counted at each place."""
 
 from __future__ import annotations
 

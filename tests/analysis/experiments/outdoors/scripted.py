@@ -1,5 +1,5 @@
 """A loop with a script for each tick, for what experiments say of a flight: nothing is
-computed in it, so that a test knows where the aircraft is, what its fixes say, and when it ends."""
+computed in it, so that a test knows where the aircraft is, what its fixes are, and when it ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What anybody could soar of an hour."""
+"""The bound on what can be soared of an hour."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """The flights of `hour` and `beating`: aircraft, hill and parameters, and what is read off a path;
-and what anybody could soar of an hour, beside sums made here."""
+and what could be soared of an hour, beside sums made here."""
 
 from __future__ import annotations
 
@@ -364,7 +364,7 @@ def test_95_of_100_that_break_off_must_touch_down_well(home: int, landed: int, h
     assert hour._claims([replace(hours[0], left_m=nan)])[2].measured == "none broke off"
 
 
-# --- what anybody could soar ----------------------------------------------------------------------
+# --- what could be soared -------------------------------------------------------------------------
 
 FLAT = GlidePolar(c0=0.5, c1=0.0, c2=0.0, c3=0.0, speed_min_mps=8.0, speed_max_mps=12.0)
 
