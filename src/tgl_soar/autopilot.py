@@ -75,6 +75,7 @@ from tgl_soar.estimation.health import STREAM_FAULTS, fault_words
 from tgl_soar.types import (
     NAN,
     NO_SETPOINTS,
+    THEIRS,
     AirEstimate,
     Health,
     Inputs,
@@ -542,11 +543,12 @@ def _guide(
         soaring, terms = soaring_step(gains, soaring, undisturbed, off_m, rate_mps, dt_s, blocked)
         course = heading_setpoint(laws.heading, vehicle.x_m, vehicle.y_m)
         psi_setpoint = estimates.veer_rad + course
-        age_s, speed = memory.gain_age_s, estimates.air.airspeed_mps
-        blocked = limited.aileron_blocked
-        sideways, sideways_terms = bank_step(
-            laws, sideways, vehicle, course, speed, age_s, blocked, dt_s
-        )
+        if laws.loops != THEIRS:  # that turns by banking
+            age_s, speed = memory.gain_age_s, estimates.air.airspeed_mps
+            blocked = limited.aileron_blocked
+            sideways, sideways_terms = bank_step(
+                laws, sideways, vehicle, course, speed, age_s, blocked, dt_s
+            )
 
     wanted_rad = soaring.pitch_setpoint_rad + state.excitation.pitch_rad
     held_rad, margins = theta_0 + soaring.pid.integral + effect.pitch_rad, estimates.margins
@@ -554,6 +556,9 @@ def _guide(
     pitch_setpoint, cut = pitch_kept(laws, margins, vehicle, wanted_rad, held_rad, behind_m)
     if cut != 0:  # held back as by its own rate limit: its integral must not wind up either
         soaring = soaring._replace(slewing=1 if cut == CUT_NOSE_UP else -1)
+    roll_setpoint = sideways_terms.output
+    if laws.loops == THEIRS:
+        roll_setpoint = way.their_bank(laws, phase, decision.mode, psi_setpoint, vehicle)
     return _Guidance(
         line=line,
         tracking=tracking,
@@ -563,7 +568,7 @@ def _guide(
         sideways=sideways,
         sideways_terms=sideways_terms,
         gains=gains.pid,
-        setpoints=Setpoints(pitch_setpoint, sideways_terms.output, psi_setpoint),
+        setpoints=Setpoints(pitch_setpoint, roll_setpoint, psi_setpoint),
         cut=cut,
         brake=held,
         braked=effect,

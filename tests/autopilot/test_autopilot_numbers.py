@@ -26,11 +26,10 @@ from tgl_soar.control import supervisor as modes
 from tgl_soar.control.envelope import CUT_MODE, CUT_NOSE_UP
 from tgl_soar.control.estimates import estimate
 from tgl_soar.control.excitation import IDLE, RUNNING
-from tgl_soar.control.heading import heading_setpoint
+from tgl_soar.control.heading import bank_setpoint, heading_setpoint
 from tgl_soar.control.laws import Laws, laws_from
 from tgl_soar.control.pid import PidState
 from tgl_soar.control.point_hold import BrakeEffect
-from tgl_soar.control.surface_loops import bank_step
 from tgl_soar.control.target_line import LineState, TargetLine, e_rho
 from tgl_soar.estimation.health import STREAM_FAULTS, fault_words
 from tgl_soar.types import THEIRS, Inputs, SurfaceCommand
@@ -313,20 +312,29 @@ def test_a_pitch_that_is_cut_holds_the_integral_back(
 
 
 def test_who_turns_by_banking_is_given_a_bank() -> None:
-    """By its way through the air: a heading that is wrong moves nothing."""
     laws = LAWS._replace(loops=THEIRS)
     flight = soaring().fly(0.2)
     flight.glider.psi = 0.2
     flight.fly(0.05)
     state, output = tick(flight, laws)
-    assert output.vehicle.heading_rad > 0.15
-    course = heading_setpoint(laws.heading, output.vehicle.x_m, output.vehicle.y_m)
-    speed, age_s = output.air.airspeed_mps, state.memory.gain_age_s
-    wanted = bank_step(laws, flight.state.sideways, output.vehicle, course, speed, age_s, 0, DT)
-    assert state.sideways == pytest.approx(wanted[0], rel=1e-9)
-    assert output.setpoints.roll_rad == pytest.approx(wanted[1].output) != 0.0
-    straight = output.vehicle._replace(heading_rad=0.0)
-    assert wanted == bank_step(laws, flight.state.sideways, straight, course, speed, age_s, 0, DT)
+    wanted = bank_setpoint(laws.bank, output.setpoints.heading_rad, output.vehicle.heading_rad)
+    assert output.setpoints.roll_rad == wanted != 0.0
+    assert state.sideways == flight.state.sideways
+    own, _ = tick(flight)
+    assert own.sideways != flight.state.sideways
+
+
+@pytest.mark.interpreted
+def test_who_turns_by_banking_is_level_where_it_holds_or_recovers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    laws = LAWS._replace(loops=THEIRS)
+    flight = soaring().fly(0.2)
+    flight.glider.psi = 0.2
+    flight.fly(0.05)
+    monkeypatch.setattr(autopilot.way, "keeps_level", lambda *_: True)
+    _, output = tick(flight, laws)
+    assert output.setpoints.roll_rad == 0.0
 
 
 def test_a_line_that_begins_again_under_power_keeps_the_pitch() -> None:

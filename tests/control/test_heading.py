@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from math import atan, pi, radians, sin, tan
+from math import atan, pi, radians, sin
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tgl_soar.control.heading import (
-    BankGains,
     HeadingGains,
     heading_setpoint,
     heading_step,
     leading_speed,
     sideways_held,
     sideways_step,
-    turning_gains,
 )
 from tgl_soar.control.pid import PidGains, PidState
 
@@ -141,47 +139,6 @@ def test_right_of_the_middle_it_banks_left(side: float) -> None:
     assert terms.output == 0.0
     _, terms = sideways_step(SIDEWAYS, REST, setpoint, 8.5, 0.0, 0.0, 0)
     assert terms.output == 0.0  # the first tick, in which no time has passed, begins level
-
-
-def test_a_firmware_that_turns_is_banked_for_each_radian_of_its_way_through_the_air() -> None:
-    gains = turning_gains(BankGains(0.8, 0.35), SIDEWAYS, 10.0)
-    assert gains.kd == pytest.approx(0.08)
-    assert gains.ki == pytest.approx(0.04 * (0.08 / 0.2) ** 2)  # as damped as where we bank
-    assert (gains.output_min, gains.output_max) == (-0.35, 0.35)
-    assert gains.integral_max == SIDEWAYS.integral_max
-    assert turning_gains(BankGains(0.8, 0.05), SIDEWAYS, 10.0).integral_max == 0.05
-    assert turning_gains(BankGains(0.8, 0.35), SIDEWAYS, 0.0).kd == pytest.approx(0.8)
-    assert turning_gains(BankGains(0.8, 0.35), SIDEWAYS._replace(kd=0.0), 10.0).ki == 0.0
-
-
-def turned_path(
-    per_heading: float, speed_mps: float, wrong_bank_rad: float, lag_s: float, seconds: float
-) -> list[float]:
-    """y [m] over time, from 1 m aside, of a body that a firmware banks: v_y' = g tan(bank)."""
-    waypoint = GAINS._replace(waypoint_x_m=-20.0)
-    gains = turning_gains(BankGains(per_heading, radians(20.0)), SIDEWAYS, speed_mps)
-    state, y, v, bank, path = REST, 1.0, 0.0, 0.0, []
-    leading = leading_speed(waypoint, gains.kd, 0.0, speed_mps)
-    for _ in range(round(seconds / DT)):
-        setpoint = heading_setpoint(waypoint, 0.0, y)
-        state, terms = sideways_step(gains, state, setpoint, leading, v, DT, 0)
-        bank += (terms.output - bank) * DT / lag_s
-        v += 9.81 * tan(bank + wrong_bank_rad) * DT
-        y += v * DT
-        path.append(y)
-    return path
-
-
-@pytest.mark.parametrize("wrong_bank_deg", [0.0, 2.0, -2.0])
-@pytest.mark.parametrize("lag_s", [0.2, 0.5])  # ArduPlane's and PX4's time constants: 0.4 to 0.5
-@pytest.mark.parametrize("speed_mps", [7.5, 10.0, 15.0])
-def test_a_firmware_that_turns_is_led_to_the_middle_whatever_its_bank_is_wrong_by(
-    speed_mps: float, lag_s: float, wrong_bank_deg: float
-) -> None:
-    path = turned_path(1.0, speed_mps, radians(wrong_bank_deg), lag_s, 180.0)
-    assert max(abs(y) for y in path[-2000:]) < 0.02
-    if wrong_bank_deg == 0.0:  # both loops are as fast, in fast air: it overshoots by a third
-        assert min(path) > -0.4
 
 
 def test_a_bank_is_learnt_bounded_and_kept_without_a_position() -> None:

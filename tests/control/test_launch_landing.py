@@ -25,6 +25,7 @@ from tgl_soar.control.launch_landing import (
     Lull,
     can_beat,
     hand_conditions,
+    keeps_level,
     knows_place,
     phase_conditions,
     phase_step,
@@ -290,6 +291,25 @@ def test_neither_a_capture_nor_a_survey_is_low_along_its_line() -> None:
     for mode in (modes.CAPTURING, modes.SEARCHING):
         assert lull(mode, clearance_m=1.0).low_s == LESS
     assert lull(clearance_m=1.0, laws=laws_with(SRV_START=1.0)).low_s == LESS
+
+
+@pytest.mark.parametrize(
+    ("mode", "standing", "level"),
+    [
+        (modes.HOLDING, launch.IDLE, True),
+        (modes.RECOVERING, launch.IDLE, True),
+        (modes.LAUNCHING, launch.HELD, True),
+        (modes.LAUNCHING, launch.THROWN, True),
+        (modes.LAUNCHING, launch.GLIDING, False),
+        (modes.CAPTURING, launch.IDLE, False),
+        (modes.BEATING, launch.IDLE, False),
+        (modes.LANDING, launch.IDLE, False),
+    ],
+)
+def test_the_wings_are_level_where_the_modes_say_so(mode: int, standing: int, level: bool) -> None:
+    """Also of a firmware that turns by banking."""
+    state = NO_LAUNCH_LANDING._replace(launch=NO_LAUNCH_LANDING.launch._replace(standing=standing))
+    assert keeps_level(mode, state) == level
 
 
 @pytest.mark.parametrize("mode", [modes.LAUNCHING, modes.RECOVERING, modes.LANDING])

@@ -411,7 +411,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="VEER_MAX", unit="deg", minimum=0, maximum=60, default=0,
         meaning="How far the wind may turn, to either side of wind_from_deg of the site or, with"
                 " ridge_deg, of straight off the ridge: its direction is estimated in flight, and"
-                " the nose points into it. 0: the wind is assumed to blow from there.",
+                " the nose points into it. 0: the wind is assumed to blow from there. Where a"
+                " firmware turns by banking, 30 at least: a heading that is wrong turns with it.",
     ),
     Parameter(
         name="VEER_T", unit="s", minimum=1, maximum=120, default=6,
@@ -419,10 +420,8 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
     ),
     Parameter(
         name="BANK_P", unit="", minimum=0, maximum=5, default=1.0,
-        meaning="Bank setpoint for each degree that the way through the air is off, on routes where"
-                " the autopilot's own loops hold the attitude and turn by banking: in the place of"
-                " SIDE_P there, and with SIDE_I in proportion. Without a position: for each degree"
-                " of heading error.",
+        meaning="Bank setpoint for each degree of heading error, on routes where the autopilot's"
+                " own loops hold the attitude and turn by banking.",
     ),
     Parameter(
         name="BANK_MAX", unit="deg", minimum=1, maximum=40, default=20.0,
@@ -434,7 +433,7 @@ PARAMETERS: Final[tuple[Parameter, ...]] = (
         name="SIDE_P", unit="rad s/m", minimum=0, maximum=1, default=0.15,
         meaning="Bank for each m/s that the sideways speed differs from the one with which the"
                 " heading setpoint leads to the middle. With SIDE_I also 0 the wings are level, as"
-                " in the paper. Where a firmware turns by banking BANK_P takes its place.",
+                " in the paper. Not used where a firmware turns by banking.",
     ),
     Parameter(
         name="SIDE_I", unit="rad/m", minimum=0, maximum=1, default=0.03,

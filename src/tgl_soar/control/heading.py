@@ -27,16 +27,16 @@ at rest there is no sideslip where v_y = v_sp, so that bank and rudder want the 
 v_sp = 0, hence y = 0, whatever bank the integral had to learn for it.  The first term goes through
 the law's low-pass and stands as its d, being of y's rate: it begins at zero, wings level.
 
-A firmware that holds the attitude itself and has the rudder coordinate its turns is led by the same
-law (the paper has no such flight).  Banked it turns at g phi / V, so that kphi for each radian by
-which the way through the air is off is
-
-    kv = kphi / V       ki as before, by (kphi / V kv)² of it
-
-and its heading, which a compass may have wrong without a word, moves nothing.  Only where no
-velocity is known the bank follows the heading:
+A firmware that holds the attitude itself and has the rudder coordinate its turns is asked for a
+bank instead (the paper has no such flight):
 
     phi_sp = kphi e_psi,   limited to either side
+
+There psi_w is always estimated: a heading that is wrong by b, and that its estimator does not
+report, would leave y = R tan b.  As the aircraft drifts by V sin b less than its heading says, it
+counts as a wind from b aside, and the nose rests where the aircraft does.  (A bank by the sideways
+speed, as where we bank, would need no heading, but nor would it bound where the nose points:
+against a cross wind it turned it 90 degrees away.)
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class HeadingGains(NamedTuple):
 class BankGains(NamedTuple):
     """Parameters of the turn by banking."""
 
-    bank_per_heading: float  # rad of bank for each rad of the way through the air, or of heading
+    bank_per_heading: float  # rad of bank for each rad of heading
     bank_max_rad: float
 
 
@@ -120,22 +120,6 @@ def sideways_held(state: PidState) -> PidTerms:
     """The bank without a position: what was learnt to be level."""
     level = state.integral
     return PidTerms(output=level, p=0.0, i=level, d=0.0, feedforward=0.0, saturated=0)
-
-
-def turning_gains(gains: BankGains, sideways: PidGains, airspeed_mps: float) -> PidGains:
-    """Those of `sideways_step` where the firmware turns by banking, from those where we bank.
-
-    airspeed_mps: what is less than 1 counts as 1.
-    """
-    per_speed = gains.bank_per_heading / max(1.0, airspeed_mps)
-    slower = per_speed / sideways.kd if sideways.kd > 0.0 else 0.0
-    return sideways._replace(
-        ki=sideways.ki * slower * slower,
-        kd=per_speed,
-        integral_max=min(sideways.integral_max, gains.bank_max_rad),
-        output_min=-gains.bank_max_rad,
-        output_max=gains.bank_max_rad,
-    )
 
 
 def bank_setpoint(gains: BankGains, setpoint_rad: float, heading_rad: float) -> float:

@@ -31,6 +31,7 @@ from tgl_soar.control.glide_home import (
 )
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
 from tgl_soar.control.landing import glide_setpoints, glide_step, slowest_known, steeper_bank
+from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (
     NO_LAUNCH,
     LaunchState,
@@ -52,7 +53,7 @@ from tgl_soar.control.ridge_beat import (
     is_wanted_back,
 )
 from tgl_soar.control.soaring import SoaringState, gliding_step
-from tgl_soar.control.surface_loops import LoopsState, course_gains, loops_begun
+from tgl_soar.control.surface_loops import LoopsState, loops_begun
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.control.throttle import LOW_S
 from tgl_soar.control.wind_triangle import wind_speed
@@ -338,8 +339,10 @@ def phase_guide(
     state, setpoints = _glide_setpoints(laws, state, mode, estimates, nose_held, dt_s)
     soaring, terms = gliding_step(laws.soaring, soaring, setpoints.pitch_rad, dt_s)
     sideways_terms = sideways_held(sideways)
-    if setpoints.sideways_mps == setpoints.sideways_mps:
-        gains = course_gains(laws, estimates.air.airspeed_mps, estimates.memory.gain_age_s)
+    if setpoints.sideways_mps == setpoints.sideways_mps and laws.loops != THEIRS:
+        age_s = estimates.memory.gain_age_s
+        bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
+        gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
         if mode == modes.BEATING:
             bank = beat_bank(gains.output_max, laws.landing.tilt_max_rad)
             gains = gains._replace(output_min=-bank, output_max=bank)
@@ -350,16 +353,28 @@ def phase_guide(
         sideways, sideways_terms = pid_step(
             gains, sideways, error, error, 0.0, dt_s, limited.aileron_blocked
         )
-    elif laws.loops == THEIRS and mode != modes.LAUNCHING:
-        bank = turning_bank(laws, mode, setpoints.heading_rad, estimates.vehicle.heading_rad)
-        sideways_terms = sideways_terms._replace(output=bank)
     return state, soaring, terms, sideways, sideways_terms, setpoints.heading_rad
 
 
+def keeps_level(mode: int, state: LaunchLandingState) -> bool:
+    """Whether a firmware that turns by banking is not to turn: the wings are level there."""
+    return mode in (modes.HOLDING, modes.RECOVERING) or (
+        mode == modes.LAUNCHING and flies_no_line(mode, state)
+    )
+
+
+def their_bank(
+    laws: Laws, state: LaunchLandingState, mode: int, setpoint_rad: float, vehicle: VehicleState
+) -> float:
+    """Bank [rad] that is asked of such a firmware: to turn to its heading, or none."""
+    if keeps_level(mode, state):
+        return 0.0
+    return turning_bank(laws, mode, setpoint_rad, vehicle.heading_rad)
+
+
 def turning_bank(laws: Laws, mode: int, setpoint_rad: float, heading_rad: float) -> float:
-    """Bank [rad] of a firmware that turns by banking, where no position is known; where it beats,
-    bounded as where we bank: less turns too late, and BANK_MAX may be more than an attitude is
-    believed."""
+    """Bank [rad] of a firmware that turns by banking; where it beats, bounded as where we bank:
+    less turns too late, and BANK_MAX may be more than an attitude is believed."""
     gains = laws.bank
     if mode == modes.BEATING:
         bank = beat_bank(laws.sideways.output_max, laws.landing.tilt_max_rad)

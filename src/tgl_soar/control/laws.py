@@ -31,7 +31,15 @@ from tgl_soar.estimation.health import HealthLimits
 from tgl_soar.estimation.motion_state import MotionGains
 from tgl_soar.estimation.wind import WindParams
 from tgl_soar.geometry import SoaringFrame, wrap_angle
-from tgl_soar.types import NO_AERODYNAMICS, NO_GROUND, OURS, Aerodynamics, Ground, SurfaceCommand
+from tgl_soar.types import (
+    NO_AERODYNAMICS,
+    NO_GROUND,
+    OURS,
+    THEIRS,
+    Aerodynamics,
+    Ground,
+    SurfaceCommand,
+)
 
 BEAT_OF_FENCE: Final = 0.8  # a turn begins there, and ends a little farther out
 # How the search for lift stands: SRCH_START.
@@ -43,6 +51,10 @@ SEARCH_NONE: Final = 4  # as 0, and FC_ACT 4 can begin none
 
 # Of the sideways speed's error: ten times as fast as that loop is, so that it costs 6 degrees.
 SIDEWAYS_FILTER_RADPS: Final = 20.0
+# An estimator's heading may be off by 15 to 20 degrees without a word (docs/autopilots.md), and a
+# wind by 10 from where a site says: together. Where a firmware turns by banking the heading is
+# counted from there on at least; with PSI_MAX the nose stays within 50 degrees of the stream.
+HEADING_OFF_RAD: Final = radians(30.0)
 
 
 class SupervisorLimits(NamedTuple):
@@ -146,7 +158,7 @@ def laws_from(
         envelope=_envelope_limits(values, aerodynamics),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"], 0.0),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
-        cross_wind=CrossWindParams(radians(values["VEER_MAX"]), values["VEER_T"]),
+        cross_wind=_cross_wind(values, loops),
         fence=fence_of(values),
         ground=ground,
         rangefinder=RangeGains(int(values["RNG_USE"]), values["RNG_GATE"]),
@@ -399,6 +411,14 @@ def _heading_gains(values: ParameterSet) -> HeadingGains:
         values["WPT_R_MIN"],
         radians(values["PSI_MAX"]),
     )
+
+
+def _cross_wind(values: ParameterSet, loops: int) -> CrossWindParams:
+    """A bank that follows the heading alone needs to know where at rest the nose points."""
+    veer_max_rad = radians(values["VEER_MAX"])
+    if loops == THEIRS:
+        veer_max_rad = max(veer_max_rad, HEADING_OFF_RAD)
+    return CrossWindParams(veer_max_rad, values["VEER_T"])
 
 
 def _sideways_gains(values: ParameterSet) -> PidGains:

@@ -11,13 +11,7 @@ from typing import Final, NamedTuple
 from tgl_soar.control.attitude import attitude_step, followed_rate
 from tgl_soar.control.envelope import Limited, elevator_limit, limit_surfaces
 from tgl_soar.control.gain_blend import pid_between, soaring_between
-from tgl_soar.control.heading import (
-    HeadingGains,
-    heading_step,
-    leading_speed,
-    sideways_step,
-    turning_gains,
-)
+from tgl_soar.control.heading import HeadingGains, heading_step, leading_speed, sideways_step
 from tgl_soar.control.lateral_schedule import (
     heading_gains,
     lateral_bandwidth,
@@ -135,15 +129,6 @@ def scheduled_gains(
     )
 
 
-def course_gains(laws: Laws, airspeed_mps: float, age_s: float) -> PidGains:
-    """From the sideways speed to the bank.  age_s: of attitudes, on average."""
-    bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
-    gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
-    if laws.loops == THEIRS:  # that turns by banking
-        return turning_gains(laws.bank, gains, speed_within(laws.schedule, airspeed_mps))
-    return gains
-
-
 def bank_step(
     laws: Laws,
     state: PidState,
@@ -158,7 +143,8 @@ def bank_step(
 
     course_rad: the heading setpoint, from the wind.  age_s: of attitudes, on average.
     """
-    gains = course_gains(laws, airspeed_mps, age_s)
+    bandwidth = lateral_bandwidth(laws.lateral_schedule, age_s)
+    gains = sideways_gains(laws.sideways, laws.lateral_schedule, bandwidth)
     airspeed = speed_within(laws.schedule, airspeed_mps)
     return sideways_step(
         gains,
