@@ -193,6 +193,15 @@ def test_the_faults_are_listed_and_nothing_flies(flown: list[SitlOptions]) -> No
     assert flown == []
 
 
+@pytest.mark.parametrize("autopilot", [(), ("--autopilot", "ardupilot", "--ardupilot", "true")])
+def test_a_sensor_of_px4_fails_with_px4_alone(
+    autopilot: tuple[str, ...], flown: list[SitlOptions]
+) -> None:
+    code, output = run("--fault", "compass.bias start=2 for=5 x=500", *autopilot)
+    assert (code, flown) == (2, [])
+    assert "--fault compass.bias: only a PX4" in output
+
+
 @pytest.mark.parametrize(("error", "code", "words"), [
     (SitlError("no way"), 2, "error: no way"), (KeyboardInterrupt(), 130, "stopped"),
     (OSError(28, "No space left on device", "x.ulg"), 2,

@@ -121,6 +121,26 @@ def test_away_from_a_line_nobody_looks_and_back_on_it_begins_anew(changes: Any) 
     assert len(watched.fly(20.0, 30.0)) == 1
 
 
+@pytest.mark.parametrize("veer_max_deg", [0.0, 30.0, 45.0])
+def test_a_gap_says_neither_that_they_agree_nor_the_same_again(veer_max_deg: float) -> None:
+    watched = Watched(veer_max_deg)
+    assert len(watched.fly(85.0, 60.0, wind_mps=8.0)) == (1 if veer_max_deg < 45.0 else 0)
+    for _ in range(3):
+        assert watched.fly(85.0, 0.1, mode=HOLDING) == []
+        assert watched.fly(85.0, 60.0) == []
+    if veer_max_deg < 45.0:  # two time constants on a line, and five seconds of agreement
+        assert watched.fly(85.0, 0.1, mode=HOLDING) == watched.fly(0.0, 16.9) == []
+        assert watched.fly(0.0, 0.2) == [(SEVERITY_INFO, "heading and drift agree again")]
+
+
+def test_a_calm_between_begins_the_seconds_anew() -> None:
+    watched = Watched()
+    assert watched.fly(20.0, 8.9) == []  # 4.7 s of it stand
+    assert watched.fly(20.0, 1.0, wind_mps=3.0) == []
+    assert watched.fly(20.0, 4.9) == []
+    assert len(watched.fly(20.0, 0.2)) == 1
+
+
 def test_a_number_that_is_missing_or_time_that_stands_changes_nothing() -> None:
     watched = Watched()
     assert watched.fly(20.0, 9.0) == []

@@ -222,7 +222,7 @@ def sitl(
     if "list" in faults:
         console.print(catalogue_text(), markup=False, highlight=False, soft_wrap=True)
         return
-    _check_faults(faults)
+    _check_faults(faults, autopilot)
     programs = {SitlAutopilot.PX4: px4, SitlAutopilot.ARDUPILOT: ardupilot}
     _check_autopilot(context, autopilot, programs, route)
     if autopilot != SitlAutopilot.BUILTIN and _is_given(context, "receiver"):
@@ -294,13 +294,16 @@ def _numbers(settings: list[str]) -> tuple[tuple[str, float], ...]:
     return tuple(found)
 
 
-def _check_faults(faults: tuple[str, ...]) -> None:
-    from tgl_soar.sim.faults import FaultError, parse_faults
+def _check_faults(faults: tuple[str, ...], autopilot: SitlAutopilot) -> None:
+    from tgl_soar.sim.faults import FIRMWARE_SENSORS, OF_PX4, FaultError, parse_faults
 
     try:
-        parse_faults(faults)
+        parsed = parse_faults(faults)
     except FaultError as error:
         fail(f"--fault: {error}")
+    for fault in parsed:
+        if autopilot != SitlAutopilot.PX4 and fault.kind.name in FIRMWARE_SENSORS:
+            fail(f"--fault {fault.kind.name}: {OF_PX4}")
 
 
 def _check_autopilot(

@@ -28,6 +28,7 @@ TIME_S: Final = 6.0  # as VEER_T comes
 ANGLE_RAD: Final = radians(10.0)
 OVER_RAD: Final = radians(5.0)  # less, for as long, is over
 STANDS_S: Final = 5.0
+AVERAGED_S: Final = 2.0 * TIME_S  # so long on a line until an average shows an agreement
 WINDY_MPS: Final = 4.0  # below it a wind has no side
 TICK_MAX_S: Final = 0.5  # after a gap it goes on, and does not leap
 
@@ -37,7 +38,7 @@ class HeadingWords:
 
     def __init__(self) -> None:
         self._params = CrossWindParams(veer_max_rad=radians(90.0), time_s=TIME_S)
-        self._cross_wind_mps = self._stands_s = self._agrees_s = 0.0
+        self._cross_wind_mps = self._on_line_s = self._stands_s = self._agrees_s = 0.0
         self._time_s = nan
         self._is_reported = False
 
@@ -46,11 +47,12 @@ class HeadingWords:
         on_line = output.active and output.mode in (SOARING, CAPTURING)
         dt_s, self._time_s = output.time_s - self._time_s, output.time_s
         if not on_line:
-            self._cross_wind_mps = self._stands_s = self._agrees_s = 0.0
+            self._cross_wind_mps = self._on_line_s = self._stands_s = self._agrees_s = 0.0
             self._is_reported = self._is_reported and output.active
             return []
         if not 0.0 < dt_s <= TICK_MAX_S or not isfinite(output.vehicle.heading_rad):
             return []  # the first is true for NaN
+        self._on_line_s += dt_s
         self._cross_wind_mps = cross_wind_step(
             self._params, self._cross_wind_mps, output.vehicle, output.air, dt_s
         )
@@ -58,11 +60,13 @@ class HeadingWords:
 
     def _compared(self, wind_mps: float, veer_max_rad: float, dt_s: float) -> list[tuple[int, str]]:
         if not wind_mps >= WINDY_MPS:  # true for NaN
+            self._stands_s = self._agrees_s = 0.0
             return []
         angle_rad = atan2(-self._cross_wind_mps, wind_mps)
         over_rad = abs(angle_rad) - veer_max_rad
         self._stands_s = self._stands_s + dt_s if over_rad >= ANGLE_RAD else 0.0
-        self._agrees_s = self._agrees_s + dt_s if over_rad < OVER_RAD else 0.0
+        agrees = over_rad < OVER_RAD and self._on_line_s >= AVERAGED_S
+        self._agrees_s = self._agrees_s + dt_s if agrees else 0.0
         if not self._is_reported and self._stands_s >= STANDS_S:
             self._is_reported = True
             side = "right" if angle_rad > 0.0 else "left"

@@ -490,6 +490,10 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
 )
 
 CATALOGUE: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _KINDS}
+OF_PX4: Final = (
+    "only a PX4 (--autopilot px4) reads sensors that the bridge can let fail; ArduPlane has SIM_…"
+    " parameters for it (--autopilot-parameter NAME=NUMBER@SECONDS)"
+)
 # Of the sensors of a real firmware, which no campaign draws.
 FIRMWARE_SENSORS: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _OF_ITS_SENSORS}
 _NAMED: Final = {**CATALOGUE, **FIRMWARE_SENSORS}

@@ -52,7 +52,7 @@ GOOD = LinePlan(
     worth=1.3,
     chance=1.0,
     stay_chance=1.0,
-    stay_falls=True,
+    stay_weaker=True,
     most_chance=1.0,
     lasts_s=30.0,
     place_x_m=0.0,
@@ -119,7 +119,7 @@ def test_a_line_that_is_to_go_elsewhere_has_its_six_seconds_there() -> None:
         {"moving": True},
         {"plan": GOOD._replace(stay_chance=0.7)},
         {"plan": GOOD._replace(stays=False)},
-        {"plan": GOOD._replace(stay_falls=False)},
+        {"plan": GOOD._replace(stay_weaker=False)},
     ],
 )
 def test_it_is_not_claimed_where_it_is_not_so(hindered: dict[str, object]) -> None:
@@ -140,7 +140,7 @@ def test_a_claim_ends_where_its_line_is_left() -> None:
 
 
 def test_a_claim_is_withdrawn_where_it_sinks_and_a_weaker_wind_would_not_leave_it() -> None:
-    claimed, weak = after(8.0), GOOD._replace(stay_falls=False)
+    claimed, weak = after(8.0), GOOD._replace(stay_weaker=False)
     assert after(4.0, weak, state=claimed).status == SOARING
     assert after(8.0, climb_mps=-0.04, state=claimed).status == SOARING
     assert after(8.0, weak, climb_mps=-0.04, state=claimed).status == LOOKING
@@ -362,7 +362,7 @@ def test_a_line_has_to_be_as_good_as_a_claim_once_it_had_the_time_for_one() -> N
 
 
 def test_a_line_is_tried_for_six_seconds_before_a_weaker_wind_counts_and_a_claim_stays() -> None:
-    weak = GOOD._replace(stay_falls=False)
+    weak = GOOD._replace(stay_weaker=False)
     assert not kept(after(CLAIM_S - 0.4, weak)).weaker
     tried = after(CLAIM_S + 0.4, weak)
     assert tried.status == LOOKING

@@ -238,7 +238,7 @@ def test_it_knows_whether_a_weaker_wind_would_leave_it() -> None:
     for order, falls in (((good, good, bad), True), ((good, bad, good), False)):
         fields = Fields(*(np.concatenate(parts) for parts in zip(*order, strict=True)))
         plan = plan_in(GRID, fields, POLAR, GUARDS, at_rest(), HERE, 0.01)
-        assert plan.stay_falls is falls
+        assert plan.stay_weaker is falls
 
 
 def test_a_line_that_will_do_is_not_left_for_a_better_one() -> None:
@@ -262,10 +262,10 @@ def test_a_line_that_had_its_time_is_left_if_a_weaker_wind_would_leave_it() -> N
     given = (GRID, fields, POLAR, GUARDS, at_rest(), HERE, 1e-4)
     tried = plan_in(*given, keep=Keep(0.5, weaker=False))
     assert tried.stays
-    assert not tried.stay_falls
+    assert not tried.stay_weaker
     left = plan_in(*given, keep=Keep(0.5, weaker=True))
     assert not left.stays
     assert left.worth > tried.worth + 0.3
     firm = plan_in(GRID, lift_at(-1.5, 1.8), *given[2:], keep=Keep(0.5, weaker=True))
     assert firm.stays
-    assert firm.stay_falls
+    assert firm.stay_weaker

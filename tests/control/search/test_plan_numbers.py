@@ -325,7 +325,7 @@ def test_the_best_is_reported_as_it_is_in_the_mean_field(flown: Flown) -> None:
     found = flown.plan()
     assert not found.stays
     assert (found.chance, found.most_chance, found.stay_chance) == (0.75, 0.75, 0.0)
-    assert not found.stay_falls
+    assert not found.stay_weaker
     assert (found.place_x_m, found.place_z_m, found.margin_m) == (-2.0, 11.0, 4.0)
     assert found.holds_s == 400.0
     assert found.lasts_s == pytest.approx((3.0 * horizon_of(H) + 3.0) / 4.0)
@@ -357,7 +357,7 @@ def test_who_settles_slower_than_four_hundredths_soars(
     flown.out = rollouts((4, flown.count), climb_mps=climb_mps)
     found = flown.plan()
     assert (found.chance, found.most_chance) == ((1.0, 1.0) if soars else (0.0, 0.0))
-    assert found.stay_falls == soars
+    assert found.stay_weaker == soars
     lost = rollouts((4, flown.count), failed_s=9.0)
     flown.out = lost
     assert flown.plan().most_chance == 0.0
@@ -375,12 +375,12 @@ def test_a_line_is_held_with_a_lull_beyond_what_is_flown_through(
         flown.out = flown.out._replace(speed_margin_mps=asides)
         found = flown.plan(diffusion_m2ps)
         assert found.stay_chance == (1.0 if holds else 0.75)
-        assert found.stay_falls == holds
+        assert found.stay_weaker == holds
         assert found.most_chance == 1.0
     # Which of the fields does not hold it does not matter to the chance.
     flown.out = flown.out._replace(speed_margin_mps=asides[[1, 0, 2, 3]])
     found = flown.plan(diffusion_m2ps)
-    assert (found.stay_chance, found.stay_falls) == (0.75, True)
+    assert (found.stay_chance, found.stay_weaker) == (0.75, True)
 
 
 def test_lines_beyond_the_leeway_are_not_chosen(flown: Flown) -> None:

@@ -99,7 +99,7 @@ def test_a_claim_is_made_at_less_than_five(climb_mps: float, claims: bool) -> No
 def test_who_would_not_fall_back_in_a_weaker_wind_may_sink_by_two(
     climb_mps: float, keeps: bool
 ) -> None:
-    weak = GOOD._replace(stay_falls=False)
+    weak = GOOD._replace(stay_weaker=False)
     state = still(9.0, SOARING)._replace(climb_mps=climb_mps)
     assert (step(state, weak, climb_mps).status == SOARING) == keeps
     assert step(state, GOOD, climb_mps).status == SOARING

@@ -224,6 +224,18 @@ def test_what_four_bytes_cannot_hold_is_refused(number: float, kind: int) -> Non
         BYTEWISE.wire(number, kind)
 
 
+@pytest.mark.parametrize(
+    ("kind", "low", "high"),
+    [(1, 0, 255), (2, -128, 127), (3, 0, 65535), (4, -32768, 32767), (5, 0, 2**32 - 1)],
+)
+def test_what_its_type_cannot_hold_is_refused(kind: int, low: int, high: int) -> None:
+    for number in (low, high):
+        assert BYTEWISE.number(BYTEWISE.wire(float(number), kind), kind) == number
+    for number in (low - 1, high + 1):
+        with pytest.raises(ValueError, match=f"no whole number from {low} to {high}"):
+            BYTEWISE.wire(float(number), kind)
+
+
 @pytest.mark.parametrize("kind", range(11))
 def test_ardupilot_sends_whole_numbers_as_floats(kind: int) -> None:
     assert (CAST.number(255.0, kind), CAST.wire(255.0, kind)) == (255.0, 255.0)

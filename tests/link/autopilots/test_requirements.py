@@ -145,6 +145,7 @@ BY_OFFBOARD = (
     Row("COM_OF_LOSS_T", (0.3, 0.5, 1.0), (1.5, 2.0)),
     Row("COM_OF_LOSS_T", (0.3, 0.5), (0.6, 1.0), SHOULD),
     Row("COM_OBL_RC_ACT", (2,), (0, 1, 3, 7)),
+    Row("FW_R_TC", (0.2, 0.4), (0.5, 1.0), SHOULD),
     Row("COM_RCL_EXCEPT", (4, 5, 7), (0, 1, 3)),
     Row("COM_RC_IN_MODE", (0, 2, 3), (1, 4)),
 )

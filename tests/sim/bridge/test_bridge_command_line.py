@@ -221,12 +221,22 @@ def test_the_simulated_pixhawk_takes_parameters_at_the_start_only(
     assert given("--autopilot-parameter", "B=2@0").simulation.parameters == (("B", 2.0),)
 
 
-@pytest.mark.parametrize("text", ["A=nan", "A=inf", "A=3@-1", "A=3@nan", "A=3@inf"])
+@pytest.mark.parametrize("autopilot", [[], ["--autopilot", "ardupilot"]])
+def test_sensors_that_the_bridge_does_not_simulate_cannot_fail(
+    autopilot: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    fault = ["--fault", "compass.bias start=2 for=5 x=500"]
+    assert "--fault compass.bias: only a PX4" in refused(capsys, *autopilot, *fault)
+    (given_to_px4,) = given("--autopilot", "px4", *fault).simulation.faults
+    assert given_to_px4.kind.name == "compass.bias"
+
+
+@pytest.mark.parametrize("text", ["A=1e39@5", "A=nan", "A=inf", "A=3@-1", "A=3@nan", "A=3@inf"])
 def test_a_setting_that_would_never_be_made_is_refused(
     capsys: pytest.CaptureFixture[str], text: str
 ) -> None:
     error = refused(capsys, "--autopilot", "px4", "--autopilot-parameter", text)
-    assert f"{text!r}: NUMBER must be finite, and SECONDS finite and not negative" in error
+    assert f"{text!r}: NUMBER must be one of 32 bits, and SECONDS finite and not negative" in error
 
 
 @pytest.mark.parametrize("text", ["A", "A=", "A=x", "A=1@x", "A=1@2@3"])

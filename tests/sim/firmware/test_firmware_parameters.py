@@ -148,6 +148,20 @@ def test_one_that_the_firmware_does_not_have_is_reported() -> None:
     assert events == [(7.1, "SIM_GPS_DISABLE is not set to 1: the firmware has no SIM_GPS_DISABLE")]
 
 
+def test_a_firmware_that_boots_late_is_asked_all_the_same() -> None:
+    """What was due while it booted is due from then on."""
+    changes = ParameterChanges((TimedSetting("A", 1.0, 1.0),), BYTEWISE, 7)
+    (asked,) = changes.due(10.0)
+    assert (asked.get_type(), changes.take_events()) == ("PARAM_REQUEST_READ", [])
+    changes.take(travelled(mavlink.MAVLink_param_value_message(b"A", 0.0, REAL32, 1, 0)))
+    (sent,) = changes.due(10.5)
+    assert (sent.get_type(), changes.take_events()) == ("PARAM_SET", ["sets A = 1"])
+    assert changes.due(10.5 + STEP_S) == []
+    assert changes.take_events() == []  # its answer is on the way
+    changes.take(travelled(mavlink.MAVLink_param_value_message(b"A", 1.0, REAL32, 1, 0)))
+    assert changes.take_events() == ["A is 1"]
+
+
 def test_one_that_does_not_take_is_tried_again_and_reported() -> None:
     class Deaf(Px4):
         def keep(self, _name: str, _sent: float) -> None:
@@ -160,7 +174,8 @@ def test_one_that_does_not_take_is_tried_again_and_reported() -> None:
 
 
 def test_a_fraction_for_a_whole_number_is_not_sent() -> None:
-    for number, why in ((2.5, "it is a whole number"), (3e9, "no whole number of 32 bits")):
+    too_large = f"no whole number from {-(2**31)} to {2**31 - 1}"
+    for number, why in ((2.5, "it is a whole number"), (3e9, too_large)):
         firmware = Px4(EKF2_GPS_CTRL=INT32)
         events = flown(firmware, TimedSetting("EKF2_GPS_CTRL", number, 2.0))
         assert events == [(2.0, f"EKF2_GPS_CTRL is not set to {number:g}: {why}")]

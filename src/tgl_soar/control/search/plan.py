@@ -87,7 +87,7 @@ class LinePlan(NamedTuple):
     worth: float
     chance: float  # share of the fields in which the best line soars
     stay_chance: float  # that the present one soars, and a lull does not stall it
-    stay_falls: bool  # it does so in the mean in a wind of 0.9
+    stay_weaker: bool  # it does so in the mean in a wind of 0.9
     most_chance: float  # of any candidate
     lasts_s: float  # mean time until the best leaves a guard; the horizon where it does not
     place_x_m: float  # where the best ends in the mean field
@@ -241,7 +241,7 @@ def plan_in(
         worth=float(worth[best]),
         chance=float(chances[best]),
         stay_chance=float(held.mean()),
-        stay_falls=bool(held[WEAKER]),
+        stay_weaker=bool(held[WEAKER]),
         most_chance=float(chances.max()),
         lasts_s=float(np.minimum(out.failed_s[:, best], horizon).mean()),
         place_x_m=float(out.x_m[0, best]),

@@ -173,7 +173,7 @@ def _soars(state: SearchState, plan: LinePlan | None) -> bool:
         still = abs(state.climb_mps) < KEEP_CLIMB_MPS
         if plan is None:
             return still
-        firm = plan.stay_falls or state.climb_mps > -WEAKER_SINK_MPS
+        firm = plan.stay_weaker or state.climb_mps > -WEAKER_SINK_MPS
         return still and firm and plan.stays and plan.stay_chance >= KEEP_CHANCE
     return (
         plan is not None
@@ -181,7 +181,7 @@ def _soars(state: SearchState, plan: LinePlan | None) -> bool:
         and plan.stays
         and abs(state.climb_mps) < CLAIM_CLIMB_MPS
         and plan.stay_chance >= CLAIM_CHANCE
-        and plan.stay_falls
+        and plan.stay_weaker
     )
 
 

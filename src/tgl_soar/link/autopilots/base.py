@@ -133,10 +133,11 @@ def wire_bytewise(value: float, param_type: int) -> float:
         return value
     if value % 1.0 != 0.0:  # or no number
         raise ValueError("it is a whole number")
-    try:
-        return float(struct.unpack("<f", struct.pack(kind, int(value)))[0])
-    except struct.error:
-        raise ValueError("no whole number of 32 bits") from None
+    bits = 8 << (param_type - PARAM_TYPE_UINT8) // 2
+    low, high = (-(1 << bits - 1), 1 << bits - 1) if kind == "<i" else (0, 1 << bits)
+    if not low <= value < high:
+        raise ValueError(f"no whole number from {low} to {high - 1}")
+    return float(struct.unpack("<f", struct.pack(kind, int(value)))[0])
 
 
 def number_cast(sent: float, _param_type: int) -> float:

@@ -156,6 +156,10 @@ BY_OFFBOARD: Final = (
     ),
     need("COM_RC_IN_MODE", "is not", 1, "the pilot's transmitter would not be read", old=False),
     need("COM_RC_IN_MODE", "is not", 4, "the pilot could not take over", old=False),
+    need(
+        "FW_R_TC", "at most", 0.4,
+        "it turns by banking, and with a slower bank it swings about the line's plane", SHOULD,
+    ),
 )  # fmt: skip
 BY_STICKS: Final = (
     *(

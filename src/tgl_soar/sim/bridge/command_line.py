@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tgl_soar.config.airframe import MODEL_OPTIONS
 from tgl_soar.config.files import airframe_file, site_file
 from tgl_soar.sim.bridge.mocap import add_mocap_options, mocap_options
 from tgl_soar.sim.bridge.options import BridgeOptions, FirmwareOptions, Pace, PortOptions
-from tgl_soar.sim.faults import Fault, FaultError, parse_fault
+from tgl_soar.sim.faults import FIRMWARE_SENSORS, OF_PX4, Fault, FaultError, parse_fault
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensors import RECEIVERS
 from tgl_soar.sim.simulation import Options, TimedSetting
+
+FLOAT32_MAX: Final = 3.4028234e38  # of what a PARAM_SET carries
 
 
 def parsed(words: Sequence[str]) -> BridgeOptions:
@@ -23,6 +25,9 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
     parser = _parser()
     arguments = parser.parse_args(words)
     builtin = arguments.autopilot == "builtin"
+    for fault in arguments.fault:
+        if arguments.autopilot != "px4" and fault.kind.name in FIRMWARE_SENSORS:
+            parser.error(f"--fault {fault.kind.name}: {OF_PX4}")
     if builtin and any(change.at_s > 0.0 for change in arguments.autopilot_parameter):
         parser.error("--autopilot-parameter NAME=NUMBER@SECONDS needs a firmware: --autopilot")
     if not builtin and arguments.receiver != "local":
@@ -116,9 +121,9 @@ def _setting(text: str) -> TimedSetting:
         raise argparse.ArgumentTypeError(
             f"{text!r}: write NAME=NUMBER, such as SYSID_MYGCS=255, or NAME=NUMBER@SECONDS"
         ) from None
-    if not (isfinite(setting.value) and 0.0 <= setting.at_s < inf):
+    if not (abs(setting.value) <= FLOAT32_MAX and 0.0 <= setting.at_s < inf):
         raise argparse.ArgumentTypeError(
-            f"{text!r}: NUMBER must be finite, and SECONDS finite and not negative"
+            f"{text!r}: NUMBER must be one of 32 bits, and SECONDS finite and not negative"
         )
     return setting
 

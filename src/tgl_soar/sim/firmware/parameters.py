@@ -22,7 +22,7 @@ from tgl_soar.link.autopilots.base import ParameterCodec
 from tgl_soar.sim.simulation import TimedSetting
 
 AGAIN_S: Final = 1.0  # between two questions, or two sets, that nothing answers
-GIVE_UP_S: Final = 5.0  # after a change is due
+GIVE_UP_S: Final = 5.0  # after a change is due, and was asked for or sent first
 NEVER: Final = float("-inf")
 
 
@@ -37,8 +37,11 @@ class ParameterChanges:
         self._codec = codec
         self._target = (system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._newest: dict[str, tuple[float, int]] = {}  # of each that it has: as sent, its type
+        # Of the first of each that is left: when it was asked for or sent first, and last.
+        self._first_asked_s: dict[str, float] = {}
         self._asked_s: dict[str, float] = {}
-        self._sent_s: dict[str, float] = {}  # of the first of each that is left
+        self._first_sent_s: dict[str, float] = {}
+        self._sent_s: dict[str, float] = {}
         self._events: list[str] = []
 
     def take(self, message: Any) -> None:
@@ -68,8 +71,8 @@ class ParameterChanges:
 
     def _ask(self, name: str, now_s: float) -> list[Any]:
         """Which type it has."""
-        first = self._first(name)
-        if first is not None and now_s - first.at_s > GIVE_UP_S:
+        first, began_s = self._first(name), self._first_asked_s.setdefault(name, now_s)
+        if first is not None and now_s - max(first.at_s, began_s) > GIVE_UP_S:
             self._end(first, f"{name} is not set to {first.value:g}: the firmware has no {name}")
             return []
         if now_s - self._asked_s.get(name, NEVER) < AGAIN_S:
@@ -82,7 +85,8 @@ class ParameterChanges:
         if not due:
             return []
         setting, sent_s = due[0], self._sent_s.get(name, NEVER)
-        if name in self._sent_s and (len(due) > 1 or now_s - setting.at_s > GIVE_UP_S):
+        began_s = self._first_sent_s.get(name, now_s)
+        if name in self._sent_s and (len(due) > 1 or now_s - began_s > GIVE_UP_S):
             is_now = f"it is {self._value(name):g}"
             self._end(setting, f"{name} did not take {setting.value:g}: {is_now}")
             return []
@@ -96,6 +100,7 @@ class ParameterChanges:
             return []
         if name not in self._sent_s:
             self._events.append(f"sets {name} = {setting.value:g}")
+        self._first_sent_s.setdefault(name, now_s)
         self._sent_s[name] = now_s
         return [mavlink.MAVLink_param_set_message(*self._target, name.encode(), sent, kind)]
 
@@ -112,5 +117,6 @@ class ParameterChanges:
 
     def _end(self, setting: TimedSetting, words: str) -> None:
         self._left.remove(setting)
-        self._sent_s.pop(setting.name, None)
+        for times_s in (self._first_sent_s, self._sent_s, self._first_asked_s):
+            times_s.pop(setting.name, None)
         self._events.append(words)
