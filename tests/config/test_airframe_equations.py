@@ -171,7 +171,7 @@ def test_pitches_are_counted_from_a_glide_a_little_slower_than_the_best() -> Non
     lift = sqrt(0.04 / 0.09) / 0.94**2
     alpha = (lift - 0.25) / 5.0
     trim = degrees(alpha) - degrees(atan((0.04 + 0.09 * lift**2) / lift))
-    found = pitch_limits(TRIMMED, {})
+    found = pitch_limits(TRIMMED, {}, 1.3)
     assert found == pytest.approx(
         {
             "PITCH_TRIM": trim,
@@ -184,23 +184,38 @@ def test_pitches_are_counted_from_a_glide_a_little_slower_than_the_best() -> Non
     assert all(round(value, 1) == value for value in found.values())
 
 
+@pytest.mark.parametrize("fastest", [1.0, 1.5, 1.9, 2.4])
+def test_the_nose_may_go_as_far_down_as_the_fastest_wind_of_the_polar_asks_for(
+    fastest: float,
+) -> None:
+    """And 3.5 degrees below, for gusts in it."""
+    lift = sqrt(0.04 / 0.09) / fastest**2
+    hovers = degrees((lift - 0.25) / 5.0) - degrees(atan((0.04 + 0.09 * lift**2) / lift))
+    found = pitch_limits(TRIMMED, {}, fastest)
+    below_trim = found["PITCH_TRIM"] - 10.5
+    assert found["PITCH_MIN"] == pytest.approx(min(below_trim, hovers - 3.5), abs=0.1001)
+    assert (found["PITCH_MIN"] < below_trim - 1.0) == (fastest > 1.6)
+    others = {k: v for k, v in found.items() if k != "PITCH_MIN"}
+    assert others == {k: v for k, v in pitch_limits(TRIMMED, {}, 1.0).items() if k != "PITCH_MIN"}
+
+
 @pytest.mark.parametrize("missing", ["CL0", "CL_alpha", "CD0", "CD_lift"])
 def test_without_lift_or_drag_no_pitch_is_known(missing: str) -> None:
-    assert pitch_limits({k: v for k, v in TRIMMED.items() if k != missing}, {}) == {}
+    assert pitch_limits({k: v for k, v in TRIMMED.items() if k != missing}, {}, 1.5) == {}
     if missing != "CL0":
-        assert pitch_limits({**TRIMMED, missing: 0.0}, {}) == {}
-        assert pitch_limits({**TRIMMED, missing: -0.1}, {}) == {}
+        assert pitch_limits({**TRIMMED, missing: 0.0}, {}, 1.5) == {}
+        assert pitch_limits({**TRIMMED, missing: -0.1}, {}, 1.5) == {}
 
 
 @pytest.mark.parametrize("given", ["PITCH_TRIM", "PITCH_MIN", "PITCH_MAX", "REC_PITCH"])
 def test_one_pitch_of_the_file_is_all_of_its_own(given: str) -> None:
-    assert pitch_limits(TRIMMED, {given: 0.0}) == {}
-    assert pitch_limits(TRIMMED, {"RHO_P": 0.0})
+    assert pitch_limits(TRIMMED, {given: 0.0}, 1.5) == {}
+    assert pitch_limits(TRIMMED, {"RHO_P": 0.0}, 1.5)
 
 
 def test_a_pitch_stays_in_its_range() -> None:
     for cambered in (-20.0, 20.0):
-        for name, value in pitch_limits({**TRIMMED, "CL0": cambered}, {}).items():
+        for name, value in pitch_limits({**TRIMMED, "CL0": cambered}, {}, 1.5).items():
             allowed = PARAMETERS[INDEX[name]]
             assert value == (allowed.maximum if cambered < 0.0 else allowed.minimum)
 

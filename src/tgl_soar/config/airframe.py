@@ -242,7 +242,7 @@ class Airframe(Strict, frozen=True):
         derived = dynamics_parameters(self.dynamics, bench, self.model, polar, route)
         return {
             **stall_limit(self.model),
-            **pitch_limits(self.model, self.parameters),
+            **pitch_limits(self.model, self.parameters, polar.speed_max_mps / derived["DYN_BEST"]),
             **slowest_airspeed(polar.speed_min_mps),
             **derived,
             **self.parameters,

@@ -5,6 +5,7 @@ A glide at the speed V, which is `TRIM_SPEED` of the best glide's V*, as `config
     C_L = C_L* (V* / V)²      α = (C_L − C_L0) / C_Lα      tan γ = (C_D0 + C_DL C_L²) / C_L
 
     PITCH_TRIM = α − γ        PITCH_MIN, PITCH_MAX, REC_PITCH   so far from it
+    PITCH_MIN  = FAST_ROOM_DEG below α − γ at the polar's fastest speed, where that is less
     SPEED_MIN  = SLOWEST of the polar's slowest speed
 
 What the laws may command is counted from the pitch at which the aircraft glides by itself: a wing
@@ -28,21 +29,37 @@ FROM_TRIM_DEG: Final = {
     "PITCH_MAX": 7.5,
     "REC_PITCH": -2.5,
 }
+# An aircraft that hovers in the fastest wind of its polar needs room below for gusts: the shipped
+# one, which was flown there, has 4.9 degrees, that of `unseen` 3.5.
+FAST_ROOM_DEG: Final = 3.5
 SLOWEST: Final = 0.79  # beyond the stall: less lift than 1 / 0.79² = 1.6 of the slowest glide's
 _NEEDED: Final = ("CL0", "CL_alpha", "CD0", "CD_lift")
 
 
-def pitch_limits(model: Mapping[str, float], given: Mapping[str, float]) -> dict[str, float]:
+def pitch_limits(
+    model: Mapping[str, float], given: Mapping[str, float], fastest: float
+) -> dict[str, float]:
     """The four pitches [deg], within their ranges, to a tenth; nothing where `[model]` lacks lift
-    or drag, or where the file gives one of them."""
+    or drag, or where the file gives one of them.
+
+    fastest: of the polar, as a multiple of the best glide's speed.
+    """
     if any(name in given for name in FROM_TRIM_DEG) or not all(key in model for key in _NEEDED):
         return {}
     if not (model["CD0"] > 0.0 and model["CD_lift"] > 0.0 and model["CL_alpha"] > 0.0):
         return {}
-    lift = sqrt(model["CD0"] / model["CD_lift"]) / TRIM_SPEED**2
+    trim = _glide_pitch_deg(model, TRIM_SPEED)
+    found = {name: trim + shift for name, shift in FROM_TRIM_DEG.items()}
+    fast = _glide_pitch_deg(model, max(TRIM_SPEED, fastest)) - FAST_ROOM_DEG
+    found["PITCH_MIN"] = min(found["PITCH_MIN"], fast)
+    return {name: _allowed(name, pitch) for name, pitch in found.items()}
+
+
+def _glide_pitch_deg(model: Mapping[str, float], speed: float) -> float:
+    """α − γ at a multiple of the best glide's speed."""
+    lift = sqrt(model["CD0"] / model["CD_lift"]) / speed**2
     alpha = (lift - model["CL0"]) / model["CL_alpha"]
-    trim = degrees(alpha - atan2(model["CD0"] + model["CD_lift"] * lift * lift, lift))
-    return {name: _allowed(name, trim + shift) for name, shift in FROM_TRIM_DEG.items()}
+    return degrees(alpha - atan2(model["CD0"] + model["CD_lift"] * lift * lift, lift))
 
 
 def slowest_airspeed(polar_slowest_mps: float) -> dict[str, float]:
