@@ -122,6 +122,8 @@ def test_laws_with_such_a_firmware_count_the_heading_from_where_it_rests() -> No
         assert laws_from(changed, world.frame, loops=THEIRS).cross_wind.veer_max_rad == (
             pytest.approx(radians(most_deg))
         )
+        theirs = laws_from(changed, world.frame, loops=THEIRS)
+        assert theirs.beat.veer_max_rad == theirs.cross_wind.veer_max_rad  # within it it stands
         assert degrees(laws_from(changed, world.frame).cross_wind.veer_max_rad) == (
             pytest.approx(veer_deg)
         )

@@ -184,7 +184,7 @@ def laws_from(
         survey_reach_m=values["SRV_REACH"],
         launch=_launch_params(values),
         landing=_landing_params(values, frame, aerodynamics),
-        beat=_beat_params(values),
+        beat=_beat_params(values, loops),
         throttle=_throttle_params(values, aerodynamics, loops),
     )
 
@@ -243,14 +243,14 @@ def _landing_params(
     )
 
 
-def _beat_params(values: ParameterSet) -> BeatParams:
+def _beat_params(values: ParameterSet, loops: int) -> BeatParams:
     return BeatParams(
         asked=values["BEAT_START"] != 0.0,
         auto=values["BEAT_AUTO"] != 0.0,
         aside=values["BEAT_AUTO"] == 2.0,
         half_width_m=min(values["BEAT_WIDTH"], BEAT_OF_FENCE * values["FENCE_Y_MAX"]),
         top_z_m=values["FENCE_Z_MAX"],
-        veer_max_rad=radians(values["VEER_MAX"]),
+        veer_max_rad=_cross_wind(values, loops).veer_max_rad,
     )
 
 
