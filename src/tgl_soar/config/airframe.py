@@ -6,6 +6,7 @@ coefficients that the simulation needs.
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, Final, Literal, cast
 
 from msgspec import Meta, field
@@ -240,9 +241,10 @@ class Airframe(Strict, frozen=True):
         bench = {name: getattr(table, name) for name in (*_ON_THE_BENCH, "iyy_kgm2")}
         polar, route = self.polar.as_polar(), (self.autopilot.firmware, self.autopilot.route)
         derived = dynamics_parameters(self.dynamics, bench, self.model, polar, route)
+        fastest = polar.speed_max_mps / derived.get("DYN_BEST", inf)
         return {
             **stall_limit(self.model),
-            **pitch_limits(self.model, self.parameters, polar.speed_max_mps / derived["DYN_BEST"]),
+            **pitch_limits(self.model, self.parameters, fastest),
             **slowest_airspeed(polar.speed_min_mps),
             **derived,
             **self.parameters,

@@ -6,6 +6,7 @@ A glide at the speed V, which is `TRIM_SPEED` of the best glide's V*, as `config
 
     PITCH_TRIM = α − γ        PITCH_MIN, PITCH_MAX, REC_PITCH   so far from it
     PITCH_MIN  = FAST_ROOM_DEG below α − γ at the polar's fastest speed, where that is less
+                 (no less than STEEPEST_DEG)
     SPEED_MIN  = SLOWEST of the polar's slowest speed
 
 What the laws may command is counted from the pitch at which the aircraft glides by itself: a wing
@@ -32,6 +33,7 @@ FROM_TRIM_DEG: Final = {
 # An aircraft that hovers in the fastest wind of its polar needs room below for gusts: the shipped
 # one, which was flown there, has 4.9 degrees, that of `unseen` 3.5.
 FAST_ROOM_DEG: Final = 3.5
+STEEPEST_DEG: Final = -18.0  # on that account: TILT_MAX may be as little as 20
 SLOWEST: Final = 0.79  # beyond the stall: less lift than 1 / 0.79² = 1.6 of the slowest glide's
 _NEEDED: Final = ("CL0", "CL_alpha", "CD0", "CD_lift")
 
@@ -51,7 +53,7 @@ def pitch_limits(
     trim = _glide_pitch_deg(model, TRIM_SPEED)
     found = {name: trim + shift for name, shift in FROM_TRIM_DEG.items()}
     fast = _glide_pitch_deg(model, max(TRIM_SPEED, fastest)) - FAST_ROOM_DEG
-    found["PITCH_MIN"] = min(found["PITCH_MIN"], fast)
+    found["PITCH_MIN"] = min(found["PITCH_MIN"], max(STEEPEST_DEG, fast))
     return {name: _allowed(name, pitch) for name, pitch in found.items()}
 
 
