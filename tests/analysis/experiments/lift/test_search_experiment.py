@@ -55,10 +55,10 @@ def test_a_walk_that_claims_nothing_in_ten_times_as_long_is_ten_times_slower() -
     assert (e.MANY[-2], e.MANY[-1]) == (e.WALK, e.ORACLE)
     claim = sooner(flown([inf, inf, 20.0], [inf, inf, 20.0]))
     assert claim.holds
-    assert claim.measured == "6.0 s, not in half of them given 80 s: at least 13.3 times"
+    assert claim.measured == "6.0 s, not in half of them given 100 s: at least 16.7 times"
     late = sooner(flown([inf, inf, 20.0], [30.0, inf, 20.0]))
     assert not late.holds
-    assert late.measured == "6.0 s, 30.0 s given 80 s: 5.0 times"
+    assert late.measured == "6.0 s, 30.0 s given 100 s: 5.0 times"
 
 
 def test_who_finds_none_is_without_a_place_to_the_end() -> None:

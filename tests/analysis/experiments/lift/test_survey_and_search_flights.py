@@ -253,7 +253,7 @@ def test_each_searcher_flies_the_same_place(
 ) -> None:
     there, somebody, pitot = flown_search(monkeypatch, s.SearchJob(kind, 1001, name, True))
     usual_s = {"tunnel": 40.0, "hill": 90.0}[kind]
-    patient_s = {"tunnel": 80.0, "hill": 400.0}[kind]
+    patient_s = {"tunnel": 100.0, "hill": 600.0}[kind]
     assert there.duration_s == (patient_s if name == s.PATIENT else usual_s)
     assert (there.kind, there.seed, there.dispersed) == (kind, 1001, True)
     assert pitot == (name != s.NO_PITOT)
