@@ -295,15 +295,14 @@ def _numbers(settings: list[str]) -> tuple[tuple[str, float], ...]:
 
 
 def _check_faults(faults: tuple[str, ...], autopilot: SitlAutopilot) -> None:
-    from tgl_soar.sim.faults import FIRMWARE_SENSORS, OF_PX4, FaultError, parse_faults
+    from tgl_soar.sim.faults import FaultError, parse_faults, refusal
 
     try:
         parsed = parse_faults(faults)
     except FaultError as error:
         fail(f"--fault: {error}")
-    for fault in parsed:
-        if autopilot != SitlAutopilot.PX4 and fault.kind.name in FIRMWARE_SENSORS:
-            fail(f"--fault {fault.kind.name}: {OF_PX4}")
+    if why := refusal(parsed, autopilot):
+        fail(f"--fault {why}")
 
 
 def _check_autopilot(

@@ -129,6 +129,7 @@ def laws_from(
         )
     pitch = _surface_gains(values, "ELE")
     lateral = lateral_schedule_of(values["LAT_SPEED"], values["LAT_LATE"], late_by_s(values))
+    cross_wind = _cross_wind(values, loops)
     return Laws(
         frame=frame,
         motion=_motion_gains(values),
@@ -158,7 +159,7 @@ def laws_from(
         envelope=_envelope_limits(values, aerodynamics),
         trim=SurfaceCommand(values["ELE_TRIM"], values["AIL_TRIM"], values["RUD_TRIM"], 0.0),
         wind=WindParams(aerodynamics, values["WIND_CHANGE"], radians(values["WIND_ALIGN"])),
-        cross_wind=_cross_wind(values, loops),
+        cross_wind=cross_wind,
         fence=fence_of(values),
         ground=ground,
         rangefinder=RangeGains(int(values["RNG_USE"]), values["RNG_GATE"]),
@@ -184,7 +185,7 @@ def laws_from(
         survey_reach_m=values["SRV_REACH"],
         launch=_launch_params(values),
         landing=_landing_params(values, frame, aerodynamics),
-        beat=_beat_params(values, loops),
+        beat=_beat_params(values, cross_wind.veer_max_rad),
         throttle=_throttle_params(values, aerodynamics, loops),
     )
 
@@ -243,14 +244,14 @@ def _landing_params(
     )
 
 
-def _beat_params(values: ParameterSet, loops: int) -> BeatParams:
+def _beat_params(values: ParameterSet, veer_max_rad: float) -> BeatParams:
     return BeatParams(
         asked=values["BEAT_START"] != 0.0,
         auto=values["BEAT_AUTO"] != 0.0,
         aside=values["BEAT_AUTO"] == 2.0,
         half_width_m=min(values["BEAT_WIDTH"], BEAT_OF_FENCE * values["FENCE_Y_MAX"]),
         top_z_m=values["FENCE_Z_MAX"],
-        veer_max_rad=_cross_wind(values, loops).veer_max_rad,
+        veer_max_rad=veer_max_rad,
     )
 
 

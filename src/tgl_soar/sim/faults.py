@@ -490,10 +490,6 @@ _KINDS: Final[tuple[FaultKind, ...]] = (
 )
 
 CATALOGUE: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _KINDS}
-OF_PX4: Final = (
-    "only a PX4 (--autopilot px4) reads sensors that the bridge can let fail; ArduPlane has SIM_…"
-    " parameters for it (--autopilot-parameter NAME=NUMBER@SECONDS)"
-)
 # Of the sensors of a real firmware, which no campaign draws.
 FIRMWARE_SENSORS: Final[dict[str, FaultKind]] = {kind.name: kind for kind in _OF_ITS_SENSORS}
 _NAMED: Final = {**CATALOGUE, **FIRMWARE_SENSORS}
@@ -533,6 +529,17 @@ def _checked(fault: str, number: Number, text: str) -> float:
 def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
     """Several faults.  Errors: `FaultError`."""
     return tuple(parse_fault(text) for text in texts)
+
+
+def refusal(faults: Iterable[Fault], autopilot: str) -> str:
+    """Which of them this autopilot's sensors cannot have, and why; "": they can have all."""
+    of_sensors = [fault.kind.name for fault in faults if fault.kind.name in FIRMWARE_SENSORS]
+    if autopilot == "px4" or not of_sensors:
+        return ""
+    return (
+        f"{of_sensors[0]}: only a PX4 (--autopilot px4) reads sensors that the bridge can let fail;"
+        " ArduPlane has SIM_… parameters for it (--autopilot-parameter NAME=NUMBER@SECONDS)"
+    )
 
 
 def drawn_fault(kind: FaultKind, random: Random) -> Fault:

@@ -12,7 +12,7 @@ from tgl_soar.config.airframe import MODEL_OPTIONS
 from tgl_soar.config.files import airframe_file, site_file
 from tgl_soar.sim.bridge.mocap import add_mocap_options, mocap_options
 from tgl_soar.sim.bridge.options import BridgeOptions, FirmwareOptions, Pace, PortOptions
-from tgl_soar.sim.faults import FIRMWARE_SENSORS, OF_PX4, Fault, FaultError, parse_fault
+from tgl_soar.sim.faults import Fault, FaultError, parse_fault, refusal
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensors import RECEIVERS
 from tgl_soar.sim.simulation import Options, TimedSetting
@@ -25,9 +25,8 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
     parser = _parser()
     arguments = parser.parse_args(words)
     builtin = arguments.autopilot == "builtin"
-    for fault in arguments.fault:
-        if arguments.autopilot != "px4" and fault.kind.name in FIRMWARE_SENSORS:
-            parser.error(f"--fault {fault.kind.name}: {OF_PX4}")
+    if why := refusal(arguments.fault, arguments.autopilot):
+        parser.error(f"--fault {why}")
     if builtin and any(change.at_s > 0.0 for change in arguments.autopilot_parameter):
         parser.error("--autopilot-parameter NAME=NUMBER@SECONDS needs a firmware: --autopilot")
     if not builtin and arguments.receiver != "local":
