@@ -221,6 +221,10 @@ def test_fields_are_of_three_winds_and_of_no_trend_beyond_a_fifth() -> None:
         GRID, mean, np.tile(mean, (4, 1)), 1.05, np.array([0.7, 0.81, 1.19, 1.3])
     )
     assert fields.ends == pytest.approx([1.05, 0.945, 1.155, 0.8, 0.81, 1.19, 1.2])
+    # However far it is foreseen to fall or rise, there is a weaker and a stronger one beside it.
+    for ahead, foreseen in ((0.85, 0.85), (0.7, 0.8), (1.3, 1.2)):
+        ends = likely_fields(GRID, mean, mean[None], ahead).ends[:3]
+        assert ends == pytest.approx([foreseen, 0.9 * foreseen, 1.1 * foreseen])
     usual = likely_fields(GRID, mean, mean[None])
     assert usual.ends == pytest.approx([1.0, 0.9, 1.1, 1.0])
     assert usual.wind_mps[:, 0] == pytest.approx([10.0] * 4)

@@ -169,8 +169,11 @@ def likely_fields(
     """
     weights = np.vstack([*([mean] * len(FACTORS)), draws])
     drawn = np.ones(len(draws)) if draws_ahead is None else draws_ahead
-    factors = np.concatenate([ahead * np.array(FACTORS), drawn])
-    return grid.fields(weights, np.clip(factors, *FORESEEN))
+    # What is foreseen is bounded, not by how much it may be wrong: else a wind that falls as far as
+    # that would have no weaker one beside it.
+    foreseen = np.clip(np.concatenate([np.full(len(FACTORS), ahead), drawn]), *FORESEEN)
+    foreseen[: len(FACTORS)] *= FACTORS
+    return grid.fields(weights, foreseen)
 
 
 def worths(
