@@ -23,8 +23,8 @@ Beyond the stall it is not exact: within 0.03 of the linear model from 8.5 m/s o
 Roll and heading are judged likewise (`lateral_margin`), where the airframe file tells their
 dynamics.
 
-Not for the tick: about half a millisecond a loop, six loops a line and six sideways; what does not
-change is kept.
+Not for the tick: a quarter of a millisecond a loop, six loops a line and six sideways; what does
+not change is kept.
 """
 
 from __future__ import annotations
@@ -93,6 +93,36 @@ class Flown(NamedTuple):
     soaring: PidGains
     pitch: PidGains
     setpoint_weight: float
+
+
+class GlideCoefficients(NamedTuple):
+    """Of the equations about a glide."""
+
+    falls_rad: float  # g_d
+    down_mps2: float  # g sin g_d
+    along_mps2: float  # g cos g_d
+    lift_mps2: float  # L'
+    drag_mps2: float  # D'
+    damped_per_s: float  # M_q
+    stiff_per_s2: float  # M'
+    effect_radps2: float  # M
+    lifted_mps2: float  # L_δ
+    slowed_mps2: float  # D_δ
+
+
+class _Frequency(NamedTuple):
+    """What is the same for every loop."""
+
+    s: complex
+    before: complex  # a tick ago
+    old: complex  # fixes, by their age
+    late: complex  # attitudes, where no gyroscope carries them on
+
+
+_SWEEP: Final = tuple(
+    _Frequency(s, exp(-s * TICK_S), exp(-s * FIX_AGE_S), exp(-s * ATTITUDE_AGE_S))
+    for s in (1j * radps for radps in RADPS)
+)
 
 
 class _Alike:
@@ -284,9 +314,10 @@ def flown(
 
 def disk_margin(loop: Flown) -> float:
     """alpha of the worse break; 0: unstable."""
+    answers = _answers(loop.airframe, loop.lift_mps2, loop.speed_mps, loop.lean_rad)
     least, turned, before = 2.0, 0.0, complex(1.0)
-    for k, radps in enumerate(RADPS):
-        at_elevator, at_line = _open_loops(loop, radps)
+    for k, at in enumerate(_SWEEP):
+        at_elevator, at_line = _open_loops(loop, *answers[k], at)
         back = 1.0 + at_elevator
         if k > 0:
             turned += phase(back / before)
@@ -296,27 +327,23 @@ def disk_margin(loop: Flown) -> float:
     return least if turned > 0.0 else 0.0
 
 
-def _open_loops(loop: Flown, radps: float) -> tuple[complex, complex]:
-    """L at the elevator and at e_rho, negative feedback."""
-    s = 1j * radps
-    rate, pitch = _answer(loop, s)
-    age, late = (0.0, 0.0) if loop.inertial else (FIX_AGE_S, ATTITUDE_AGE_S)
+def _open_loops(
+    loop: Flown, rate: complex, pitch: complex, at: _Frequency
+) -> tuple[complex, complex]:
+    """L at the elevator and at e_rho, negative feedback, of what `_answer` says."""
+    s = at.s
     surface = exp(-s * (loop.delay_s + HOLD_S)) / (1.0 + s * loop.lag_s)
-    old = exp(-s * age)
     outer, inner = loop.soaring, loop.pitch
-    setpoint = (
-        rate
-        * old
-        * (
-            (outer.kp + outer.ki / s) * (1.0 + s * age) / s
-            + outer.kd / (1.0 + s / outer.rate_filter_radps)
-        )
-    )
-    error = inner.kp + inner.ki / s
+    slowly, error = (outer.kp + outer.ki / s) / s, inner.kp + inner.ki / s
+    quickly = outer.kd / (1.0 + s / outer.rate_filter_radps)
     damps = inner.kd * s / (1.0 + s / inner.rate_filter_radps)
-    attitude = exp(-s * late) * pitch
-    held = surface * (error * (1.0 + s * late) + damps) * attitude
-    line = -surface * (error + followed(loop, exp(-s * TICK_S))) * setpoint
+    if loop.inertial:
+        setpoint, attitude = slowly + quickly, error + damps
+    else:
+        setpoint = at.old * (slowly * (1.0 + s * FIX_AGE_S) + quickly)
+        attitude = at.late * (error * (1.0 + s * ATTITUDE_AGE_S) + damps)
+    held = surface * attitude * pitch
+    line = -surface * (error + followed(loop, at.before)) * setpoint * rate
     return held + line, line / (1.0 + held)
 
 
@@ -327,21 +354,6 @@ def followed(loop: Flown, before: Any) -> Any:
     blend = filtered / (1.0 + filtered)
     gain = loop.setpoint_weight * loop.pitch.kd / TICK_S
     return gain * (1.0 - before) * blend / (1.0 - (1.0 - blend) * before)
-
-
-class GlideCoefficients(NamedTuple):
-    """Of the equations about a glide."""
-
-    falls_rad: float  # g_d
-    down_mps2: float  # g sin g_d
-    along_mps2: float  # g cos g_d
-    lift_mps2: float  # L'
-    drag_mps2: float  # D'
-    damped_per_s: float  # M_q
-    stiff_per_s2: float  # M'
-    effect_radps2: float  # M
-    lifted_mps2: float  # L_δ
-    slowed_mps2: float  # D_δ
 
 
 def glide_coefficients(known: Dynamics, lift_mps2: float, v: float) -> GlideCoefficients:
@@ -368,12 +380,20 @@ def glide_coefficients(known: Dynamics, lift_mps2: float, v: float) -> GlideCoef
     )
 
 
-def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
+@lru_cache(maxsize=16)
+def _answers(
+    airframe: Dynamics, lift_mps2: float, speed_mps: float, lean_rad: float
+) -> tuple[tuple[complex, complex], ...]:
+    """`_answer` over the sweep: whatever the gains, and with accelerometers as without."""
+    glide = glide_coefficients(airframe, lift_mps2, speed_mps)
+    return tuple(_answer(glide, speed_mps, lean_rad, at.s) for at in _SWEEP)
+
+
+def _answer(
+    glide: GlideCoefficients, v: float, lean_rad: float, s: complex
+) -> tuple[complex, complex]:
     """de_rho/dt and pitch, each to a full deflection of the elevator."""
-    v = loop.speed_mps
-    falls, down, along, lift, drag, damped, stiff, effect, lifted, slows = glide_coefficients(
-        loop.airframe, loop.lift_mps2, v
-    )
+    falls, down, along, lift, drag, damped, stiff, effect, lifted, slows = glide
     # Rows: along the path, across it, in pitch; columns: v, g, t.
     a11, a12, a13 = s + 2.0 * down / v, along - drag, drag
     a21, a22, a23 = -2.0 * along / v, v * s + lift + down, -lift
@@ -386,5 +406,5 @@ def _answer(loop: Flown, s: complex) -> tuple[complex, complex]:
     speed -= slows * minor / determinant
     path += slows * a21 * a33 / determinant
     pitch -= slows * a21 * a32 / determinant
-    lean = loop.lean_rad - falls
+    lean = lean_rad - falls
     return cos(lean) * speed - v * sin(lean) * path, pitch
