@@ -70,7 +70,9 @@ class Flown:
         self._vehicle, self._station = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
         self._ticks = 0
         self.run(600)
-        self._hear(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9), self._station)
+        self._receive(
+            mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9), self._station
+        )
         self.run(600)
 
     @property
@@ -89,7 +91,7 @@ class Flown:
         values = self.onboard.parameters.values
         return [value for parameter, value in values if parameter.name != "OP_ENGAGE"]
 
-    def _hear(self, message: object, sender: mavlink.MAVLink) -> None:
+    def _receive(self, message: object, sender: mavlink.MAVLink) -> None:
         frame = message.pack(sender)  # type: ignore[attr-defined]
         sender.seq = (sender.seq + 1) % 256
         self.onboard.event(bytes(frame), self.now_s)
@@ -106,14 +108,14 @@ class Flown:
         noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
         x_m, z_m = self._at
         if self._ticks % 200 == 0:
-            self._hear(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), self._vehicle)
+            self._receive(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), self._vehicle)
         if self._ticks % 4 == 0:
             message = mavlink.MAVLink_local_position_ned_message(
                 stamp_ms, -x_m, 0, -z_m + noise, 0, 0, 0
             )
-            self._hear(message, self._vehicle)
+            self._receive(message, self._vehicle)
         message = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, 1, noise, 0, 0, 0, 0, 0)
-        self._hear(message, self._vehicle)
+        self._receive(message, self._vehicle)
         self._ticks += 1
         begun = thread_time()
         self.onboard.periodic(self.now_s)

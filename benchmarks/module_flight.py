@@ -54,7 +54,7 @@ class ModuleFlight:
         self._station.seq = (self._station.seq + 1) % 256
         return frame
 
-    def hear(self, message: mavlink.MAVLink_message) -> None:
+    def receive(self, message: mavlink.MAVLink_message) -> None:
         """A message of the vehicle comes."""
         self.onboard.event(bytes(message.pack(self._vehicle)), self.now_s)
 
@@ -117,7 +117,7 @@ class ModuleFlight:
         if self.sends_heartbeat and self._ticks % 200 == 1:
             messages.append(self.heartbeat())
         for message in messages:
-            self.hear(message)
+            self.receive(message)
         before = perf_counter()
         if self.onboard.clocking.due(self.now_s):
             self.onboard.periodic(self.now_s)

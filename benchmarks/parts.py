@@ -176,7 +176,7 @@ class _Clock:
 def _times(
     flight: ModuleFlight, recorder: FlightRecorder
 ) -> tuple[list[float], dict[str, list[float]]]:
-    """µs of every tick, and of its parts: a module's, taken apart, that hears the same."""
+    """µs of every tick, and of its parts: a module's, taken apart, that receives the same."""
     setup = flight.onboard.setup
     flavour, values = setup.flavour, setup.parameters
     decoder, encoder = Decoder(stream=False), Encoder(setup.override)

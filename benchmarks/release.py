@@ -46,7 +46,7 @@ def _abort(flight: ModuleFlight) -> None:
 
 def _pilot(flight: ModuleFlight) -> None:
     flight.custom_mode = 5
-    flight.hear(flight.heartbeat())
+    flight.receive(flight.heartbeat())
 
 
 def _upset(flight: ModuleFlight) -> None:

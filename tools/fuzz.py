@@ -124,7 +124,7 @@ class Flight:
         while self._world.time_s < ENGAGED_S:
             self._step()
         engage = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 1.0, 9)
-        self._hear(engage, self._station)
+        self._receive(engage, self._station)
         while self._world.time_s < SETTLED_S:
             self._step()
         self.expected: ParameterSet = self.onboard.parameters.values
@@ -164,19 +164,19 @@ class Flight:
         world = self._world
         world.step(self._command)
         if world.steps % world.step_hz == 1:
-            self._hear(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), self._vehicle)
+            self._receive(mavlink.MAVLink_heartbeat_message(1, 3, 209, 0, 4, 3), self._vehicle)
         position, attitude = self._known
         self._known = world.position.sequence, world.attitude.sequence
         if world.position.sequence != position:
             stamp_ms = round(world.position.time_s * 1e3)
             reported = mavlink.MAVLink_local_position_ned_message(stamp_ms, *world.position[2:8])
-            self._hear(reported, self._vehicle)
+            self._receive(reported, self._vehicle)
         if world.attitude.sequence != attitude:
             stamp_ms = round(world.attitude.time_s * 1e3)
             reported = mavlink.MAVLink_attitude_quaternion_message(stamp_ms, *world.attitude[2:9])
-            self._hear(reported, self._vehicle)
+            self._receive(reported, self._vehicle)
 
-    def _hear(self, message: mavlink.MAVLink_message, sender: mavlink.MAVLink) -> None:
+    def _receive(self, message: mavlink.MAVLink_message, sender: mavlink.MAVLink) -> None:
         frame = message.pack(sender)
         sender.seq = (sender.seq + 1) % 256
         self.onboard.event(bytes(frame), self._world.time_s)

@@ -191,7 +191,7 @@ class Prompt:
         )
         self.module = init(mpstate)
 
-    def hear(self, *made: Any) -> None:
+    def receive(self, *made: Any) -> None:
         for each in made:
             self.module.mavlink_packet(message(each))
 
@@ -200,7 +200,7 @@ class Prompt:
 
     def known(self, **more: float) -> Prompt:
         values = {**LINE, "TGL_STAGE": 0.0, "TGL_PRESET": 0.0, **more}
-        self.hear(beat(), *(value_of(name, value) for name, value in values.items()))
+        self.receive(beat(), *(value_of(name, value) for name, value in values.items()))
         return self
 
     def sets(self) -> list[tuple[str, float]]:
@@ -232,7 +232,7 @@ def test_a_switch_is_commanded_at_once_and_its_answer_is_reported(
     prompt = clock().known()
     prompt.type(word)
     assert prompt.commanded() == [number]
-    prompt.hear(mavlink.MAVLink_command_ack_message(number, 0, 0, 0, 255, 0))
+    prompt.receive(mavlink.MAVLink_command_ack_message(number, 0, 0, 0, 255, 0))
     assert capsys.readouterr().out == f"tgl: {word}: done\n"
 
 
@@ -274,7 +274,7 @@ def test_a_move_is_staged(clock: Made, line: str, changes: dict[str, float]) -> 
     prompt = clock().known()
     prompt.type(line)
     assert prompt.sets() == [("TGL_STAGE", 1.0)]
-    prompt.hear(value_of("TGL_STAGE", 1.0))
+    prompt.receive(value_of("TGL_STAGE", 1.0))
     prompt.now_s += 0.1
     prompt.module.idle_task()
     assert dict(prompt.sets()) == changes
@@ -362,10 +362,10 @@ def test_a_module_with_another_site_file_is_warned_of_once(
     capsys.readouterr()
     prompt.module.idle_task()
     assert capsys.readouterr().out == ""  # not confirmed yet
-    prompt.hear(value_of("TGL_PRESET", 2.0), value_of("TGL_X", x), value_of("TGL_Z", z))
+    prompt.receive(value_of("TGL_PRESET", 2.0), value_of("TGL_X", x), value_of("TGL_Z", z))
     prompt.now_s += 0.1
     prompt.module.orders.step(prompt.now_s)
-    prompt.hear(value_of("TGL_PRESET", preset))
+    prompt.receive(value_of("TGL_PRESET", preset))
     prompt.module.idle_task()
     output = capsys.readouterr().out
     assert "tgl: line b: confirmed\n" in output
@@ -381,7 +381,7 @@ def test_a_refused_preset_is_compared_with_nothing(clock: Made, capsys: Out) -> 
     prompt = clock().known(TGL_PRESET=1.0)
     prompt.type(f"site {SITE}")
     prompt.type("preset b")
-    prompt.hear(mavlink.MAVLink_param_error_message(255, 190, b"TGL_PRESET", -1, 3))
+    prompt.receive(mavlink.MAVLink_param_error_message(255, 190, b"TGL_PRESET", -1, 3))
     prompt.module.idle_task()
     output = capsys.readouterr().out
     assert "line b: refused by the module" in output
@@ -412,7 +412,7 @@ def test_a_module_that_is_silent_is_told_first(
 ) -> None:
     prompt = clock()
     if at_s is not None:
-        prompt.hear(beat())
+        prompt.receive(beat())
         prompt.now_s = at_s
     prompt.type("status")
     first = capsys.readouterr().out.splitlines()[0]

@@ -62,7 +62,7 @@ def test_a_flight_that_no_longer_soars_is_found() -> None:
     flight = fuzz.Flight()
     assert flight.mode == "soaring"
     disengage = mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 0.0, 9)
-    flight._hear(disengage, flight._station)
+    flight._receive(disengage, flight._station)
     flight.expected = flight.onboard.parameters.values
     for _ in range(fuzz.PER_TICK - 1):
         flight.take(b"")

@@ -44,7 +44,7 @@ class Autopilot:
         self._taken_s = self.now_s
         self._count = 0
 
-    def hear(self, key: str, ahead_s: float = 0.0, late_s: float = 0.0) -> float | None:
+    def receive(self, key: str, ahead_s: float = 0.0, late_s: float = 0.0) -> float | None:
         """One frame; when it was true, on our clock."""
         stamp_s = (self.now_s - late_s - DELAY_S + self.ahead_s + ahead_s) % MILLISECONDS_WRAP_S
         stamp_s = round(stamp_s, 3)
@@ -58,8 +58,8 @@ class Autopilot:
             self.ahead_s += 0.005 * drift
             self._count += 1
             if self._count % 4 == 0:
-                self.hear(POSITION, ahead_s)
-            time_s = self.hear(ATTITUDE, ahead_s)
+                self.receive(POSITION, ahead_s)
+            time_s = self.receive(ATTITUDE, ahead_s)
             if time_s is not None:
                 self.age_s = self.now_s - time_s
                 self.oldest_s = max(self.oldest_s, self.age_s)
@@ -80,7 +80,7 @@ def test_one_stamp_ahead_changes_no_age(key: str, ahead_s: float) -> None:
     received = Autopilot()
     received.run(2.0)
     received.begin_to_look()
-    assert received.hear(key, ahead_s) is None
+    assert received.receive(key, ahead_s) is None
     received.run(3.0)
     assert received.oldest_s < 0.005
     assert received.refused_s < 0.011
@@ -91,7 +91,7 @@ def test_one_stamp_ahead_changes_no_age(key: str, ahead_s: float) -> None:
 @pytest.mark.parametrize("key", [ATTITUDE, POSITION, UNUSED])
 def test_not_even_as_the_very_first(key: str, ahead_s: float) -> None:
     received = Autopilot()
-    received.hear(key, ahead_s)
+    received.receive(key, ahead_s)
     received.run(SOON_S)
     assert received.age_s < 0.005
     received.begin_to_look()
@@ -103,7 +103,7 @@ def test_not_even_as_the_very_first(key: str, ahead_s: float) -> None:
 def test_a_stamp_that_is_little_ahead_is_out_of_the_window_soon() -> None:
     received = Autopilot()
     received.run(2.0)
-    received.hear(ATTITUDE, 0.9 * AHEAD_S)
+    received.receive(ATTITUDE, 0.9 * AHEAD_S)
     received.run(0.1)
     assert received.age_s == pytest.approx(0.9 * AHEAD_S, abs=0.005)
     received.run(WINDOW_S)
@@ -155,7 +155,7 @@ def test_a_spell_in_which_the_link_is_busy_hides_no_delay() -> None:
     received.run(3.0)
     for _ in range(round(0.5 * WINDOW_S * 200)):
         received.now_s += 0.005
-        time_s = received.hear(ATTITUDE, late_s=0.2)
+        time_s = received.receive(ATTITUDE, late_s=0.2)
         if time_s is not None:
             assert received.now_s - time_s == pytest.approx(0.2, abs=0.005)
 
@@ -223,7 +223,7 @@ def both(received: Autopilot, for_s: float, ahead_s: float, *, key: str = ATTITU
     taken = 0
     for _ in range(round(for_s * 200)):
         received.run(0.005)
-        taken += received.hear(key, ahead_s) is not None
+        taken += received.receive(key, ahead_s) is not None
     return taken
 
 
@@ -252,7 +252,7 @@ def test_a_duplicate_is_refused_then_neither_is_taken(ahead_s: float) -> None:
 
 def test_a_duplicate_that_was_received_first_is_not_flown_with_either() -> None:
     received = Autopilot(uptime_s=1000.0)
-    received.hear(ATTITUDE, 400.0)
+    received.receive(ATTITUDE, 400.0)
     both(received, 3.0, 400.0)
     assert received.streams.is_contested(received.now_s)
 
@@ -289,13 +289,13 @@ def test_a_second_way_that_is_slower_is_no_duplicate() -> None:
     received.begin_to_look()
     for _ in range(1000):
         received.run(0.005)
-        assert received.hear(ATTITUDE, late_s=0.5) is None
+        assert received.receive(ATTITUDE, late_s=0.5) is None
     assert received.refused_s < 0.011
     assert not received.streams.is_contested(received.now_s)
     ages = []
     for _ in range(1000):
         received.now_s += 0.005
-        time_s = received.hear(ATTITUDE, late_s=0.5)
+        time_s = received.receive(ATTITUDE, late_s=0.5)
         if time_s is not None:
             ages.append(received.now_s - time_s)
     assert min(ages) == pytest.approx(0.5, abs=0.01)  # and says so
@@ -307,7 +307,7 @@ def test_old_frames_between_new_ones_are_no_restart() -> None:
     received.run(3.0)
     for late_s in (5.0, 4.99, 4.98, 3.0, 2.0):
         received.run(0.005)
-        assert received.hear(ATTITUDE, late_s=late_s) is None
+        assert received.receive(ATTITUDE, late_s=late_s) is None
     assert received.streams.reboots == 0
     assert received.age_s < 0.005
 
@@ -318,7 +318,7 @@ def test_random_stamps_between_true_ones_contest_nothing() -> None:
     received.begin_to_look()
     for i in range(1000):
         received.run(0.005)
-        received.hear(ATTITUDE, ahead_s=float(i * 7919 % 100_000))
+        received.receive(ATTITUDE, ahead_s=float(i * 7919 % 100_000))
     assert received.refused_s < 0.011
     assert received.streams.reboots == 0
 

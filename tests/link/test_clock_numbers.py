@@ -276,7 +276,7 @@ class Streams:
     def __init__(self) -> None:
         self.all = StampedStreams(lockstep=False)
 
-    def hear(self, key: str, at_s: float, ahead_s: float = 0.0, **how: bool) -> float | None:
+    def receive(self, key: str, at_s: float, ahead_s: float = 0.0, **how: bool) -> float | None:
         """One frame; how late it is found to be, None: it is not taken."""
         now_s = AHEAD_S + at_s
         times = self.all.time_of(key, at_s + ahead_s, now_s, **how)
@@ -285,7 +285,7 @@ class Streams:
     def run(self, key: str, from_s: float, until_s: float, **how: bool) -> None:
         """Sixteen times a second, both ends included."""
         for i in range(round((until_s - from_s) * 16) + 1):
-            assert self.hear(key, from_s + i / 16, **how) == 0.0
+            assert self.receive(key, from_s + i / 16, **how) == 0.0
 
     def known(self) -> StampedStreams:
         self.run("a", 100.0, 101.0)
@@ -307,19 +307,20 @@ def test_streams_share_the_offset_of_the_fastest_that_is_proven_and_near(
     slower_s: float, proven_s: float, late_s: float
 ) -> None:
     streams = Streams()
-    streams.hear("fast", 100.0)
-    streams.hear("fast", 100.0 + proven_s)
-    found = streams.hear("slow", 100.5, -slower_s)
+    streams.receive("fast", 100.0)
+    streams.receive("fast", 100.0 + proven_s)
+    found = streams.receive("slow", 100.5, -slower_s)
     assert found == pytest.approx(late_s)
-    assert streams.hear("fast", 100.6) == pytest.approx(0.0)  # and the fastest is not moved by it
+    # And the fastest is not moved by it.
+    assert streams.receive("fast", 100.6) == pytest.approx(0.0)
 
 
 def test_a_clock_of_somebody_else_has_an_offset_of_its_own() -> None:
     streams = Streams()
     streams.known()
     streams.run("camera", 101.0, 102.0, foreign=True)
-    assert streams.hear("other", 102.0, -0.2, foreign=True) == pytest.approx(0.0)
-    assert streams.hear("slow", 102.1, -0.2) == pytest.approx(0.2)
+    assert streams.receive("other", 102.0, -0.2, foreign=True) == pytest.approx(0.0)
+    assert streams.receive("slow", 102.1, -0.2) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(
@@ -328,14 +329,14 @@ def test_a_clock_of_somebody_else_has_an_offset_of_its_own() -> None:
 def test_the_first_stamp_of_a_stream_must_fit_the_others(ahead_s: float, is_taken: bool) -> None:
     streams = Streams()
     streams.known()
-    assert (streams.hear("b", 101.1, ahead_s) is not None) is is_taken
+    assert (streams.receive("b", 101.1, ahead_s) is not None) is is_taken
 
 
 @pytest.mark.parametrize(("after_s", "is_taken"), [(0.9, False), (1.1, True)])
 def test_where_the_others_are_received_now(after_s: float, is_taken: bool) -> None:
     streams = Streams()
     streams.known()
-    assert (streams.hear("b", 101.0 + after_s, 50.0) is not None) is is_taken
+    assert (streams.receive("b", 101.0 + after_s, 50.0) is not None) is is_taken
 
 
 @pytest.mark.parametrize(("stamp_s", "is_taken"), [(0.99e9, False), (1.01e9, True)])
@@ -360,7 +361,7 @@ def test_nothing_is_sent_before_it_is_true(
 ) -> None:
     streams = Streams()
     known = streams.known()
-    assert streams.hear("a", 101.0625, ahead_s) == (late_s and pytest.approx(late_s))
+    assert streams.receive("a", 101.0625, ahead_s) == (late_s and pytest.approx(late_s))
     assert known.refused == refused
 
 
@@ -370,7 +371,7 @@ def test_a_stamp_that_goes_back_is_refused_and_of_ten_seconds_ago_another_clock_
 ) -> None:
     streams = Streams()
     known = streams.known()
-    assert streams.hear("a", 101.01, -back_s) is None
+    assert streams.receive("a", 101.01, -back_s) is None
     assert known.refused == refused
 
 
@@ -381,14 +382,14 @@ def test_what_is_late_is_taken_with_its_age_and_does_not_count_in_the_minimum(
     """What fits is when the clock was received last: then a new stream is compared with it."""
     streams = Streams()
     streams.known()
-    assert streams.hear("a", 101.9, -late_s) == pytest.approx(late_s)
-    assert (streams.hear("b", 102.1, 50.0) is None) is counts
+    assert streams.receive("a", 101.9, -late_s) == pytest.approx(late_s)
+    assert (streams.receive("b", 102.1, 50.0) is None) is counts
 
 
 def first_taken(streams: Streams, ahead_s: float, step_s: float) -> int:
     """Which frame of a clock that has jumped is the first that is taken."""
     for count in range(1, 200):
-        if streams.hear("a", 101.0 + count * step_s, ahead_s) is not None:
+        if streams.receive("a", 101.0 + count * step_s, ahead_s) is not None:
             return count
     return 0
 
@@ -419,12 +420,12 @@ def test_a_clock_that_has_jumped_is_taken_after_so_many_frames(
 def test_a_first_stamp_that_was_wrong_is_forgotten_after_half_a_second(others: bool) -> None:
     """Whether other streams are received meanwhile or not; and it was no restart."""
     streams = Streams()
-    assert streams.hear("a", 100.0, 0.5) == 0.0
+    assert streams.receive("a", 100.0, 0.5) == 0.0
     taken = []
     for i in range(1, 13):
-        taken.append(streams.hear("a", 100.0 + i / 16))
+        taken.append(streams.receive("a", 100.0 + i / 16))
         if others:
-            assert streams.hear("b", 100.0 + i / 16) == 0.0
+            assert streams.receive("b", 100.0 + i / 16) == 0.0
     assert taken == [None] * 8 + [0.0] * 4
     assert streams.all.reboots == 0
 
@@ -434,8 +435,8 @@ def test_nobody_takes_over_while_another_stream_of_the_old_clock_comes() -> None
     known = streams.known()
     streams.run("b", 101.0, 101.5)
     for i in range(1, 9):
-        assert streams.hear("a", 101.5 + i / 16, 30.0) is None
-        assert streams.hear("b", 101.5 + i / 16) == 0.0
+        assert streams.receive("a", 101.5 + i / 16, 30.0) is None
+        assert streams.receive("b", 101.5 + i / 16) == 0.0
     assert known.reboots == 0
     assert known.suspected == 1
     assert known.suspect_ahead_s == pytest.approx(30.0)
@@ -447,11 +448,12 @@ def test_of_a_clock_that_is_not_the_autopilot_s_nothing_is_reported_or_reset() -
     streams.run("camera", 101.0, 102.0, foreign=True)
     streams.run("a", 101.0625, 102.0)
     taken = [
-        streams.hear("camera", 102.0 + i / 16, 30.0, foreign=True) is not None for i in range(1, 9)
+        streams.receive("camera", 102.0 + i / 16, 30.0, foreign=True) is not None
+        for i in range(1, 9)
     ]
     assert taken == [False, False] + [True] * 6
     assert (known.reboots, known.suspected) == (0, 0)
-    assert streams.hear("a", 102.5) == 0.0
+    assert streams.receive("a", 102.5) == 0.0
 
 
 def test_a_restart_is_that_of_all_streams_of_the_autopilot_and_of_no_other() -> None:
@@ -460,11 +462,11 @@ def test_a_restart_is_that_of_all_streams_of_the_autopilot_and_of_no_other() -> 
     streams.run("camera", 100.0, 101.0, foreign=True)
     streams.run("b", 101.0, 101.5)
     for i in range(1, 4):
-        streams.hear("b", 101.5 + i / 8, -90.0)
+        streams.receive("b", 101.5 + i / 8, -90.0)
     assert known.reboots == 1
-    assert streams.hear("a", 102.0, -90.0) == 0.0  # at once
-    assert streams.hear("camera", 102.0, foreign=True) == 0.0
-    assert streams.hear("camera", 102.5, -0.3, foreign=True) == pytest.approx(0.3)  # still known
+    assert streams.receive("a", 102.0, -90.0) == 0.0  # at once
+    assert streams.receive("camera", 102.0, foreign=True) == 0.0
+    assert streams.receive("camera", 102.5, -0.3, foreign=True) == pytest.approx(0.3)  # still known
 
 
 def test_two_clocks_beside_each_other_are_contested_after_a_second_and_for_two() -> None:
@@ -472,15 +474,15 @@ def test_two_clocks_beside_each_other_are_contested_after_a_second_and_for_two()
     known = streams.known()
     contested = []
     for i in range(1, 33):
-        streams.hear("a", 101.0 + i / 16)
-        streams.hear("a", 101.0 + (i + 0.5) / 16, 50.0)
+        streams.receive("a", 101.0 + i / 16)
+        streams.receive("a", 101.0 + (i + 0.5) / 16, 50.0)
         contested.append(known.is_contested(AHEAD_S + 101.0 + (i + 0.75) / 16))
     assert contested.index(True) == 16  # a second after the first of them
     end_s = AHEAD_S + 103.0 + 0.5 / 16 + 2.0
     assert known.is_contested(end_s - 0.01)
     assert not known.is_contested(end_s + 0.01)
     before = known.refused
-    assert streams.hear("a", 103.1) is None
+    assert streams.receive("a", 103.1) is None
     assert known.refused == before + 1
 
 

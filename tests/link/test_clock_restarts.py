@@ -24,7 +24,7 @@ class Ages:
         self.streams = StampedStreams(lockstep=False)
         self.attitude_s = self.position_s = 0.0
 
-    def hear(self, key: str, uptime_s: float, now_s: float) -> float:
+    def receive(self, key: str, uptime_s: float, now_s: float) -> float:
         times = self.streams.time_of(key, uptime_s % MILLISECONDS_WRAP_S, now_s, quantised=True)
         assert times is not None
         return now_s - times[0]
@@ -35,9 +35,9 @@ class Ages:
         """From a wall time and an uptime on; pace: uptime that arrives in a second."""
         for i in range(round(for_s * 100)):
             then_s, wall_s = uptime_s + 0.01 * i, now_s + 0.01 * i / pace
-            self.attitude_s = self.hear(ATTITUDE, then_s, wall_s)
+            self.attitude_s = self.receive(ATTITUDE, then_s, wall_s)
             if i % 5 == 0:
-                self.position_s = self.hear(POSITION, then_s - late_s, wall_s)
+                self.position_s = self.receive(POSITION, then_s - late_s, wall_s)
 
 
 def test_a_restart_above_the_last_stamp_is_a_new_clock() -> None:
@@ -82,8 +82,8 @@ def test_one_stream_that_is_late_alone_is_late() -> None:
     ages.run(2.0, 2.0, 5.0)
     ages.run(7.0, 7.0, 3.0)
     for i in range(100):  # the positions skip: they are of 3 s before, then go on
-        ages.hear(ATTITUDE, 15.0 + 0.05 * i, 15.0 + 0.05 * i)
-        late = ages.hear(POSITION, 12.0 + 0.05 * i, 15.0 + 0.05 * i)
+        ages.receive(ATTITUDE, 15.0 + 0.05 * i, 15.0 + 0.05 * i)
+        late = ages.receive(POSITION, 12.0 + 0.05 * i, 15.0 + 0.05 * i)
     assert late == pytest.approx(3.0, abs=0.01)
     assert ages.streams.reboots == 0
 

@@ -53,7 +53,7 @@ def session(*, lockstep: bool = False) -> Session:
     )
 
 
-def hear(
+def receive(
     session: Session, message: Inbound, now_s: float, source: Source = AUTOPILOT
 ) -> list[Outbound]:
     return session.handle(Received(source, message), now_s)
@@ -100,42 +100,42 @@ def test_heartbeats_do_not_catch_up_after_a_pause() -> None:
 
 def test_only_the_vehicle_s_own_autopilot_is_accepted() -> None:
     talk = session()
-    hear(
+    receive(
         talk,
         Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4),
         1.0,
         STATION,
     )
-    hear(talk, MANUAL, 1.0, Source(2, 1))
-    hear(talk, MANUAL, 1.0, Source(1, 190))
-    hear(talk, Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4), 1.0)
-    hear(talk, Heartbeat(type=6, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 1.0)
+    receive(talk, MANUAL, 1.0, Source(2, 1))
+    receive(talk, MANUAL, 1.0, Source(1, 190))
+    receive(talk, Heartbeat(type=18, autopilot=8, base_mode=0, custom_mode=0, system_status=4), 1.0)
+    receive(talk, Heartbeat(type=6, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 1.0)
     assert not talk.has_heartbeat
-    hear(talk, attitude(1), 1.0, Source(2, 1))
-    hear(talk, position(1), 1.0, Source(2, 1))
+    receive(talk, attitude(1), 1.0, Source(2, 1))
+    receive(talk, position(1), 1.0, Source(2, 1))
     assert talk.attitude.sequence == talk.position.sequence == 0
     assert talk.counters.foreign == 2
     assert set(talk.senders) == {STATION, Source(2, 1), Source(1, 190), AUTOPILOT}
-    hear(talk, MANUAL, 2.0)
+    receive(talk, MANUAL, 2.0)
     assert talk.status[:3] == (2.0, True, True)
-    hear(talk, AUTO, 3.0)
+    receive(talk, AUTO, 3.0)
     assert talk.status[:3] == (3.0, False, False)
 
 
 def test_senders_are_remembered_in_bounds() -> None:
     talk = session()
     for system in range(2, 256):
-        hear(talk, MANUAL, 0.0, Source(system, 1))
+        receive(talk, MANUAL, 0.0, Source(system, 1))
     assert len(talk.senders) == 32
 
 
 def test_timesync_requests_are_answered_and_answers_are_not() -> None:
     talk = session()
-    assert hear(talk, Timesync(0, 77), 1.5, STATION) == [Timesync(1_500_000_000, 77)]
-    assert hear(talk, Timesync(5, 77), 1.5) == []
+    assert receive(talk, Timesync(0, 77), 1.5, STATION) == [Timesync(1_500_000_000, 77)]
+    assert receive(talk, Timesync(5, 77), 1.5) == []
     step = session(lockstep=True)
-    assert hear(step, Timesync(0, 77), 1.5) == [Timesync(77, 77)]
-    assert hear(step, Timesync(0, 0), 1.5) == [Timesync(1, 0)]
+    assert receive(step, Timesync(0, 77), 1.5) == [Timesync(77, 77)]
+    assert receive(step, Timesync(0, 0), 1.5) == [Timesync(1, 0)]
 
 
 # --- streams ----------------------------------------------------------------------------------
@@ -149,7 +149,7 @@ def asked_over(talk: Session, seconds: float, *, result: int | None, start_s: fl
         made = requests(talk.poll(now))
         count += len(made)
         if made and result is not None:
-            hear(
+            receive(
                 talk,
                 CommandAck(command=511, result=result, target_system=1, target_component=191),
                 now,
@@ -163,15 +163,15 @@ def test_nothing_is_asked_before_the_autopilot_is_received() -> None:
 
 def test_the_streams_are_asked_for_one_at_a_time() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     assert requests(talk.poll(0.0)) == [(31.0, 5000.0)]
     assert requests(talk.poll(0.1)) == []
-    hear(talk, CommandAck(command=511, result=0, target_system=1, target_component=191), 0.1)
+    receive(talk, CommandAck(command=511, result=0, target_system=1, target_component=191), 0.1)
     assert requests(talk.poll(0.1)) == [(32.0, 20000.0)]
     assert requests(talk.poll(0.7)) == [(36.0, 20000.0)]  # the second answer is lost
     later = []
     for i in range(3):
-        hear(
+        receive(
             talk,
             CommandAck(command=511, result=0, target_system=1, target_component=191),
             0.8 + 0.1 * i,
@@ -182,33 +182,33 @@ def test_the_streams_are_asked_for_one_at_a_time() -> None:
 
 def test_a_stream_that_comes_is_not_asked_for_again() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     made = []
     for i in range(4000):
         now = i * 0.005
         made += requests(talk.poll(now))
-        hear(talk, CommandAck(command=511, result=0, target_system=1, target_component=191), now)
-        hear(talk, attitude(i * 5), now)
+        receive(talk, CommandAck(command=511, result=0, target_system=1, target_component=191), now)
+        receive(talk, attitude(i * 5), now)
         if i % 4 == 0:
-            hear(talk, position(i * 5), now)
-            hear(talk, ServoOutputRaw(i * 5000, 0, (1500,) * 16), now)
-        hear(
+            receive(talk, position(i * 5), now)
+            receive(talk, ServoOutputRaw(i * 5000, 0, (1500,) * 16), now)
+        receive(
             talk,
             RawImu(time_usec=i * 5000, xacc=0, yacc=0, zacc=-1000, xgyro=0, ygyro=0, zgyro=0),
             now,
         )
         if i % 10 == 0:
-            hear(talk, VfrHud(9.0, 0.0), now)
+            receive(talk, VfrHud(9.0, 0.0), now)
         if i % 200 == 0:
-            hear(talk, SysStatus(0, 0), now)
+            receive(talk, SysStatus(0, 0), now)
         if i % 40 == 0:
-            hear(talk, EkfStatusReport(831), now)
+            receive(talk, EkfStatusReport(831), now)
     assert len(made) == 7
 
 
 def test_a_stream_that_stays_away_is_asked_for_ever_more_seldom() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     first = asked_over(talk, 12.0, result=None)
     later = asked_over(talk, 100.0, result=None, start_s=12.0)
     assert 7 * 3 <= first <= 7 * 4
@@ -217,18 +217,18 @@ def test_a_stream_that_stays_away_is_asked_for_ever_more_seldom() -> None:
 
 def test_a_stream_that_is_too_slow_is_asked_for_again() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     made = []
     for i in range(1000):
         now = i * 0.01  # 100 Hz come where 200 were asked for
         made += requests(talk.poll(now))
-        hear(talk, attitude(i * 10), now)
+        receive(talk, attitude(i * 10), now)
     assert made.count((31.0, 5000.0)) >= 3
 
 
 def test_a_denied_rate_is_reported_once_with_the_way_out_and_a_lower_one_asked_for() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     allowed_us = 25000.0  # ArduPlane at its default loop of 50 Hz allows 40
     made = []
     for i in range(200):
@@ -236,7 +236,7 @@ def test_a_denied_rate_is_reported_once_with_the_way_out_and_a_lower_one_asked_f
         asked = requests(talk.poll(now))
         made += asked
         for _, interval in asked:
-            hear(
+            receive(
                 talk,
                 CommandAck(
                     command=511,
@@ -273,14 +273,14 @@ def test_a_refusal_that_comes_late_is_not_that_of_the_next_stream() -> None:
 
 def test_an_unsupported_position_leads_to_odometry() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     made = []
     for i in range(200):
         now = i * 0.005
         asked = requests(talk.poll(now))
         made += asked
         for number, _ in asked:
-            hear(
+            receive(
                 talk,
                 CommandAck(
                     command=511,
@@ -297,11 +297,11 @@ def test_an_unsupported_position_leads_to_odometry() -> None:
 
 def test_an_answer_to_somebody_else_is_not_ours() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     talk.poll(0.0)
-    hear(talk, CommandAck(command=511, result=3, target_system=255, target_component=190), 0.1)
-    hear(talk, CommandAck(command=400, result=3, target_system=1, target_component=191), 0.1)
-    hear(
+    receive(talk, CommandAck(command=511, result=3, target_system=255, target_component=190), 0.1)
+    receive(talk, CommandAck(command=400, result=3, target_system=1, target_component=191), 0.1)
+    receive(
         talk, CommandAck(command=511, result=3, target_system=1, target_component=191), 0.1, STATION
     )
     talk.poll(0.2)
@@ -310,19 +310,19 @@ def test_an_answer_to_somebody_else_is_not_ours() -> None:
 
 def test_after_a_reboot_all_is_asked_for_again_and_we_greet_at_once() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     assert asked_over(talk, 1.0, result=0) == 7
-    hear(talk, attitude(300_000), 1.0)
-    hear(talk, position(300_000), 1.0)
+    receive(talk, attitude(300_000), 1.0)
+    receive(talk, position(300_000), 1.0)
     for late_ms in (1_000, 1_005):
-        hear(talk, attitude(late_ms), 1.1)
+        receive(talk, attitude(late_ms), 1.1)
     assert talk.counters.reboots == 0
-    hear(talk, attitude(1_010), 1.1)
+    receive(talk, attitude(1_010), 1.1)
     assert talk.counters.reboots == 1
     assert isinstance(talk.heartbeat_if_due(1.1)[0], Heartbeat)
     assert requests(talk.poll(1.1)) == [(31.0, 5000.0)]
     assert talk.attitude.time_s == pytest.approx(1.1)
-    hear(talk, position(1_001), 1.102)
+    receive(talk, position(1_001), 1.102)
     assert talk.position.sequence == 2
     assert talk.counters.reboots == 1
     assert any("restarted" in text for _, text in talk.notices)
@@ -341,7 +341,7 @@ def complaints(answers: dict[str, float], *, override_system: int = 255) -> tupl
             override_system=override_system,
         )
     )
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     questions = 0
     for i in range(100):
         for m in talk.poll(i * 0.1):
@@ -349,7 +349,7 @@ def complaints(answers: dict[str, float], *, override_system: int = 255) -> tupl
                 questions += 1
                 assert (m.target_system, m.target_component) == (1, 1)
                 if m.param_id in answers:
-                    hear(
+                    receive(
                         talk,
                         ParamValue(
                             param_id=m.param_id,
@@ -396,7 +396,7 @@ def asked_of_mute(needs: Needs) -> tuple[dict[int, int], list[str], str]:
     talk = Session(
         SessionOptions(own=OWN, flavour=ArduPilot(CHANNELS, 1), loop_rate_hz=200.0, needs=needs)
     )
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     questions: dict[int, int] = {}
     for i in range(6000):
         now_s = i * 0.01
@@ -422,8 +422,8 @@ def test_a_mute_autopilot_is_reported_once_and_holds_nothing_back() -> None:
 
 def test_measurements_become_samples() -> None:
     talk = session()
-    hear(talk, attitude(1000), 50.0)
-    hear(talk, position(1000), 50.0)
+    receive(talk, attitude(1000), 50.0)
+    receive(talk, position(1000), 50.0)
     assert talk.attitude == (1, 50.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
     assert talk.position[:8] == (1, 50.0, 1.0, 2.0, -3.0, 0.1, 0.2, 0.3)
     assert 1.0 <= talk.vehicle_time_s <= 1.001
@@ -431,17 +431,17 @@ def test_measurements_become_samples() -> None:
 
 def test_repeated_late_and_broken_samples_are_refused_and_counted() -> None:
     talk = session()
-    hear(talk, attitude(1000), 1.0)
-    hear(talk, attitude(1000), 1.0)
-    hear(talk, attitude(995), 1.0)
-    hear(talk, attitude(1005, nan), 1.0)
-    hear(talk, position(1000), 1.0)
-    hear(talk, position(990), 1.0)
-    hear(talk, position(1020, nan), 1.0)
+    receive(talk, attitude(1000), 1.0)
+    receive(talk, attitude(1000), 1.0)
+    receive(talk, attitude(995), 1.0)
+    receive(talk, attitude(1005, nan), 1.0)
+    receive(talk, position(1000), 1.0)
+    receive(talk, position(990), 1.0)
+    receive(talk, position(1020, nan), 1.0)
     assert talk.attitude.sequence == talk.position.sequence == 1
     assert talk.counters.stale == 3
     assert talk.counters.not_finite == 2
-    hear(talk, attitude(1005), 1.01)
+    receive(talk, attitude(1005), 1.01)
     assert talk.attitude.sequence == 2
 
 
@@ -449,8 +449,8 @@ def test_repeated_late_and_broken_samples_are_refused_and_counted() -> None:
 def test_whatever_the_stamps_a_sample_is_never_from_the_future(stamps: list[int]) -> None:
     talk = session()
     for i, stamp in enumerate(stamps):
-        hear(talk, attitude(stamp), i * 0.005)
-        hear(talk, position(stamp), i * 0.005)
+        receive(talk, attitude(stamp), i * 0.005)
+        receive(talk, position(stamp), i * 0.005)
         assert not talk.attitude.time_s > i * 0.005 + 1e-8  # rounding
         assert not talk.position.time_s > i * 0.005 + 1e-8
 
@@ -461,7 +461,7 @@ def test_the_mapped_time_has_none_of_the_link_s_jitter() -> None:
     errors = []
     for i in range(1000):
         true_s = i * 0.005
-        hear(talk, attitude(20_000 + i * 5), 100.0 + true_s + 0.003 + jitter[i % 5])
+        receive(talk, attitude(20_000 + i * 5), 100.0 + true_s + 0.003 + jitter[i % 5])
         errors.append(talk.attitude.time_s - (100.0 + true_s + 0.003))
     # Each loop of five has one sample without jitter; between two the map moves by 1e-4 of 25 ms.
     assert max(abs(e) for e in errors[10:]) < 1e-5
@@ -470,8 +470,8 @@ def test_the_mapped_time_has_none_of_the_link_s_jitter() -> None:
 def test_a_slow_stream_shares_what_the_fast_one_learnt_of_the_clock() -> None:
     talk = session()
     for i in range(100):
-        hear(talk, attitude(i * 5), 10.0 + i * 0.005)
-    hear(talk, position(495), 10.0 + 0.495 + 0.060)  # 60 ms late, and the first of its kind
+        receive(talk, attitude(i * 5), 10.0 + i * 0.005)
+    receive(talk, position(495), 10.0 + 0.495 + 0.060)  # 60 ms late, and the first of its kind
     assert talk.position.time_s == pytest.approx(10.495, abs=1e-4)
 
 
@@ -502,7 +502,7 @@ def test_odometry_in_body_frd_is_turned_into_ned() -> None:
             pitchspeed=0.2,
             yawspeed=0.3,
         )
-        hear(talk, odometry, 1.0 + 1e-6 * stamp)
+        receive(talk, odometry, 1.0 + 1e-6 * stamp)
         fix = talk.position
         assert (fix.north_m, fix.east_m, fix.down_m) == (1, 2, -3)
         assert fix.velocity_north_mps == pytest.approx(0.0, abs=1e-5)
@@ -517,7 +517,7 @@ def test_odometry_in_body_frd_is_turned_into_ned() -> None:
 def test_odometry_in_local_frames_keeps_its_velocity() -> None:
     talk = session()
     q = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))
-    hear(
+    receive(
         talk,
         Odometry(
             time_usec=5,
@@ -543,7 +543,7 @@ def test_odometry_in_local_frames_keeps_its_velocity() -> None:
 def test_a_velocity_in_body_axes_needs_an_attitude(q: tuple[float, float, float, float]) -> None:
     """A quaternion of zeros, MAVLink's for an unknown one, would leave it as it is."""
     talk = session()
-    hear(
+    receive(
         talk,
         Odometry(
             time_usec=5,
@@ -584,7 +584,7 @@ def test_odometry_in_frames_of_another_kind_is_refused_and_reported_once() -> No
             pitchspeed=0,
             yawspeed=0,
         )
-        hear(talk, odometry, 1.0)
+        receive(talk, odometry, 1.0)
     assert talk.position.sequence == 0
     assert talk.counters.wrong_frame == 4
     assert len(talk.notices) == 1
@@ -607,19 +607,19 @@ def test_two_position_messages_do_not_mix() -> None:
         pitchspeed=0,
         yawspeed=0,
     )
-    hear(talk, position(1000), 1.0)
-    hear(talk, odometry, 1.1)
+    receive(talk, position(1000), 1.0)
+    receive(talk, odometry, 1.1)
     assert talk.position.north_m == 1.0
-    hear(talk, odometry._replace(time_usec=1_600_000), 1.7)  # the other has fallen silent
+    receive(talk, odometry._replace(time_usec=1_600_000), 1.7)  # the other has fallen silent
     assert talk.position.north_m == 7.0
-    hear(talk, position(1800), 1.8)
+    receive(talk, position(1800), 1.8)
     assert talk.position.north_m == 7.0
 
 
 def test_in_lockstep_an_odometry_that_comes_first_leaves_attitude_to_its_message() -> None:
     """PX4 streams ODOMETRY unasked; the pace of lockstep is ATTITUDE_QUATERNION's alone."""
     talk = session(lockstep=True)
-    hear(
+    receive(
         talk,
         Odometry(
             time_usec=1_000_000,
@@ -638,21 +638,21 @@ def test_in_lockstep_an_odometry_that_comes_first_leaves_attitude_to_its_message
         ),
         1.0,
     )
-    hear(talk, attitude(1_004), 1.0)
+    receive(talk, attitude(1_004), 1.0)
     assert talk.attitude.sequence == 1
 
 
 def test_in_lockstep_the_vehicle_s_time_is_the_time() -> None:
     talk = session(lockstep=True)
-    hear(talk, attitude(5000), 987.0)
-    hear(talk, position(4980), 987.0)
+    receive(talk, attitude(5000), 987.0)
+    receive(talk, position(4980), 987.0)
     assert talk.attitude.time_s == 5.0
     assert talk.position.time_s == 4.98
 
 
 def test_a_new_clock_makes_what_was_timed_by_the_old_one_begin_again() -> None:
     talk = session(lockstep=True)
-    hear(talk, MANUAL, 5000.0)
+    receive(talk, MANUAL, 5000.0)
     talk.heartbeat_if_due(5000.0)
     talk.poll(5000.0)
     talk.rebase(3.0)
@@ -704,11 +704,11 @@ def test_a_parameter_that_is_no_number_is_reported_and_holds_back() -> None:
     talk = Session(
         SessionOptions(own=OWN, flavour=ArduPilot(CHANNELS, 1), loop_rate_hz=200.0, needs=needs)
     )
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     sent = ParamValue(
         param_id="RC_OPTIONS", param_value=nan, param_type=9, param_count=900, param_index=5
     )
-    hear(talk, sent, 0.0)
+    receive(talk, sent, 0.0)
     for i in range(3000):
         talk.poll(i * 0.02)
     assert any("RC_OPTIONS" in text for _, text in talk.notices)

@@ -13,8 +13,8 @@ from test_session import (
     OWN,
     STATION,
     attitude,
-    hear,
     position,
+    receive,
     session,
 )
 
@@ -82,8 +82,8 @@ def session_with(**options: Any) -> Session:
 @pytest.mark.parametrize("kind", MEASUREMENTS)
 def test_a_measurement_of_another_is_counted_and_not_used(kind: Any) -> None:
     talk = session()
-    assert hear(talk, noughts(kind), 1.0, STRANGER) == []
-    assert hear(talk, noughts(kind), 1.0, STATION) == []
+    assert receive(talk, noughts(kind), 1.0, STRANGER) == []
+    assert receive(talk, noughts(kind), 1.0, STATION) == []
     assert talk.counters.foreign == 2
     assert talk.attitude.sequence == talk.imu.sequence == talk.position.sequence == 0
     assert talk.airspeed.sequence == talk.surfaces.sequence == talk.rangefinder.sequence == 0
@@ -92,7 +92,7 @@ def test_a_measurement_of_another_is_counted_and_not_used(kind: Any) -> None:
 @pytest.mark.parametrize("kind", [Heartbeat, SysStatus, ParamValue, CommandAck, MissionCurrent])
 def test_what_is_no_measurement_is_ignored_of_another(kind: Any) -> None:
     talk = session()
-    assert hear(talk, noughts(kind), 1.0, STRANGER) == []
+    assert receive(talk, noughts(kind), 1.0, STRANGER) == []
     assert talk.counters.foreign == 0
     assert talk.mission.current == -1
 
@@ -107,25 +107,25 @@ def test_vision_is_taken_of_those_that_may_send_it_alone() -> None:
         (AUTOPILOT,) * 2,
     ):
         talk = session_with(vision_from=(may,), sources=PositionSources((VISION,)))
-        hear(talk, message, 1.0, sender)
+        receive(talk, message, 1.0, sender)
         assert (talk.position.sequence == 1) == (sender == may)
         assert talk.counters.foreign == int(sender != may)
 
 
 def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
     talk = session_with(needs=NEEDS, rangefinder=True)
-    hear(talk, MANUAL, 1.0)
-    hear(talk, attitude(1000), 1.0)
-    hear(talk, position(1000), 1.0)
-    hear(
+    receive(talk, MANUAL, 1.0)
+    receive(talk, attitude(1000), 1.0)
+    receive(talk, position(1000), 1.0)
+    receive(
         talk,
         RawImu(time_usec=1_000_000, xacc=0, yacc=0, zacc=-1000, xgyro=100, ygyro=200, zgyro=300),
         1.0,
     )
-    hear(talk, SysStatus(16, 16), 1.0)  # a pitot tube
-    hear(talk, VfrHud(9.5, 0.0), 1.0)
-    hear(talk, ServoOutputRaw(1_000_000, 0, (1500,) * 16), 1.0)
-    hear(
+    receive(talk, SysStatus(16, 16), 1.0)  # a pitot tube
+    receive(talk, VfrHud(9.5, 0.0), 1.0)
+    receive(talk, ServoOutputRaw(1_000_000, 0, (1500,) * 16), 1.0)
+    receive(
         talk,
         DistanceSensor(
             time_boot_ms=1000,
@@ -138,11 +138,11 @@ def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
         ),
         1.0,
     )
-    hear(talk, HomeMessage(10, 20, 30), 1.0)
-    hear(talk, MissionCurrent(3), 1.0)
-    hear(talk, GpsRawInt(3, 1500, 2500), 1.0)
-    hear(talk, EkfStatusReport(0), 1.0)
-    hear(talk, Wind(270.0, 8.0), 1.0)
+    receive(talk, HomeMessage(10, 20, 30), 1.0)
+    receive(talk, MissionCurrent(3), 1.0)
+    receive(talk, GpsRawInt(3, 1500, 2500), 1.0)
+    receive(talk, EkfStatusReport(0), 1.0)
+    receive(talk, Wind(270.0, 8.0), 1.0)
     assert talk.has_heartbeat
     assert (talk.attitude.sequence, talk.imu.sequence, talk.position.sequence) == (1, 1, 1)
     assert talk.airspeed.airspeed_mps == 9.5
@@ -157,17 +157,17 @@ def test_each_message_of_the_autopilot_goes_to_what_it_is_for() -> None:
     assert talk.counters.foreign == 0
     assert (talk.custom_mode, talk.mismatch) == (0, "")
     assert not talk.position.reckoned
-    hear(talk, position(1020), 1.02)
+    receive(talk, position(1020), 1.02)
     assert talk.position.reckoned  # by an estimator that claims nothing
 
 
 def test_parameters_of_the_autopilot_answer_what_was_asked() -> None:
     talk = session_with(needs=NEEDS)
-    hear(talk, MANUAL, 1.0)
+    receive(talk, MANUAL, 1.0)
     (asked,) = {m.param_id for m in talk.poll(1.0) if isinstance(m, ParamRequestRead)} & {
         "MAV_GCS_SYSID"
     } or {"SYSID_MYGCS"}
-    hear(
+    receive(
         talk,
         ParamValue(param_id=asked, param_value=77.0, param_type=9, param_count=100, param_index=0),
         1.1,
@@ -230,35 +230,35 @@ def test_an_autopilot_is_asked_for_its_time_and_in_lockstep_it_is_not() -> None:
     for lockstep in (False, True):
         talk = session(lockstep=lockstep)
         assert talk.poll(0.5) == []  # before it was received
-        hear(talk, MANUAL, 0.5)
+        receive(talk, MANUAL, 0.5)
         asked = [m for m in talk.poll(0.5) if isinstance(m, Timesync)]
         assert asked == ([] if lockstep else [Timesync(0, 500_000_000)])
 
 
 def test_of_answers_only_the_autopilot_s_tell_the_way() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.5)
+    receive(talk, MANUAL, 0.5)
     talk.poll(0.5)
     assert isnan(talk.round_trip_s)
-    assert hear(talk, Timesync(7, 500_000_000), 0.52, STATION) == []
+    assert receive(talk, Timesync(7, 500_000_000), 0.52, STATION) == []
     assert isnan(talk.round_trip_s)
-    assert hear(talk, Timesync(7, 500_000_000), 0.53) == []
+    assert receive(talk, Timesync(7, 500_000_000), 0.53) == []
     assert talk.round_trip_s == pytest.approx(0.03)
 
 
 def test_a_mission_is_read_when_it_is_asked_for() -> None:
     talk = session()
     talk.mission.begin()
-    hear(talk, MANUAL, 0.5)
+    receive(talk, MANUAL, 0.5)
     assert MissionRequestList(1, 1) in talk.poll(0.5)
 
 
 def test_complaints_are_warnings_and_words_of_sources_go_on() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.5)
+    receive(talk, MANUAL, 0.5)
     talk.poll(0.5)
     for name in ("SYSID_MYGCS", "MAV_GCS_SYSID"):
-        hear(
+        receive(
             talk,
             ParamValue(
                 param_id=name, param_value=77.0, param_type=9, param_count=100, param_index=0
@@ -286,11 +286,11 @@ def test_complaints_are_warnings_and_words_of_sources_go_on() -> None:
 )
 def test_an_answer_is_ours_by_both_of_its_numbers(system: int, component: int, ours: bool) -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     talk.poll(0.0)
     stream = talk.streams.wanted(31)
     assert stream is not None
-    hear(
+    receive(
         talk,
         CommandAck(command=511, result=3, target_system=system, target_component=component),
         0.1,
@@ -300,9 +300,9 @@ def test_an_answer_is_ours_by_both_of_its_numbers(system: int, component: int, o
 
 def test_an_answer_to_another_command_is_none() -> None:
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     talk.poll(0.0)
-    hear(talk, CommandAck(command=512, result=3, target_system=1, target_component=191), 0.1)
+    receive(talk, CommandAck(command=512, result=3, target_system=1, target_component=191), 0.1)
     stream = talk.streams.wanted(31)
     assert stream is not None
     assert not stream.given_up
@@ -315,18 +315,20 @@ def talked(**options: Any) -> Session:
     """A session in which everything has come that is reset by another clock."""
     talk = session_with(needs=NEEDS, **options)
     talk.mission.begin()
-    hear(talk, MANUAL, 99.0)
+    receive(talk, MANUAL, 99.0)
     talk.heartbeat_if_due(99.0)
     for now_s in (99.0, 99.1):
         talk.poll(now_s)
-        hear(talk, CommandAck(command=511, result=3, target_system=1, target_component=191), now_s)
-    hear(talk, Timesync(7, 99_000_000_000), 99.2)
-    hear(talk, GpsRawInt(3, 1500, 2500), 99.3)
-    hear(talk, MissionCurrent(4), 99.3)
-    hear(talk, Wind(270.0, 8.0), 99.3)
-    hear(talk, EkfStatusReport(831), 99.3)
-    hear(talk, attitude(99_300), 99.3)
-    hear(talk, position(99_300), 99.3)
+        receive(
+            talk, CommandAck(command=511, result=3, target_system=1, target_component=191), now_s
+        )
+    receive(talk, Timesync(7, 99_000_000_000), 99.2)
+    receive(talk, GpsRawInt(3, 1500, 2500), 99.3)
+    receive(talk, MissionCurrent(4), 99.3)
+    receive(talk, Wind(270.0, 8.0), 99.3)
+    receive(talk, EkfStatusReport(831), 99.3)
+    receive(talk, attitude(99_300), 99.3)
+    receive(talk, position(99_300), 99.3)
     stream = talk.streams.wanted(31)
     assert stream is not None
     assert stream.given_up
@@ -370,7 +372,7 @@ def test_a_new_clock_of_ours_forgets_all_that_was_timed_by_the_old_one() -> None
 def test_a_new_clock_of_the_autopilot_s_forgets_all_that_was_asked_of_it() -> None:
     talk = talked()
     for i in range(3):
-        hear(talk, attitude(1000 + 5 * i), 99.4)
+        receive(talk, attitude(1000 + 5 * i), 99.4)
     assert talk.counters.reboots == talk.status.boots == 1
     is_reset(talk, 99.4)
 
@@ -378,24 +380,24 @@ def test_a_new_clock_of_the_autopilot_s_forgets_all_that_was_asked_of_it() -> No
 def test_a_queue_on_the_link_is_forgotten_with_the_clock() -> None:
     """Answers that take 0.3 s longer than the first: samples are 0.25 s older than they seem."""
     talk = session()
-    hear(talk, MANUAL, 0.0)
+    receive(talk, MANUAL, 0.0)
     for i in range(20):
         asked = [m for m in talk.poll(i * 1.01) if isinstance(m, Timesync)]
         for question in asked:
-            hear(talk, Timesync(7, question.ts1), question.ts1 * 1e-9 + (0.3 if i else 0.0))
-    hear(talk, attitude(20_000), 20.0)
+            receive(talk, Timesync(7, question.ts1), question.ts1 * 1e-9 + (0.3 if i else 0.0))
+    receive(talk, attitude(20_000), 20.0)
     assert talk.attitude.time_s == pytest.approx(19.75, abs=1e-3)
     for i in range(3):
-        hear(talk, attitude(1000 + 5 * i), 20.1)
+        receive(talk, attitude(1000 + 5 * i), 20.1)
     assert talk.counters.reboots == 1
     assert talk.attitude.time_s == pytest.approx(20.1, abs=6e-3)
 
 
 def test_senders_are_remembered_however_their_messages_are_used() -> None:
     talk = session()
-    hear(talk, noughts(Heartbeat), 0.0, STRANGER)
-    hear(talk, attitude(1), 0.0)
+    receive(talk, noughts(Heartbeat), 0.0, STRANGER)
+    receive(talk, attitude(1), 0.0)
     assert talk.senders == {STRANGER, AUTOPILOT}
     for system in range(3, 40):
-        hear(talk, noughts(Heartbeat), 0.0, Source(system, 1))
+        receive(talk, noughts(Heartbeat), 0.0, Source(system, 1))
     assert len(talk.senders) == 32

@@ -32,14 +32,14 @@ class TwoSources:
     def __init__(self) -> None:
         self.all = PositionSources((FIRST, SECOND))
 
-    def hear(self, source: int, time_s: float, north_m: float | None = None) -> bool:
+    def receive(self, source: int, time_s: float, north_m: float | None = None) -> bool:
         return self.all.take(source, fix(time_s, north_m), time_s)
 
     def run(self, from_s: float, until_s: float, *sources: int) -> None:
         """At 16 Hz, both ends included."""
         for i in range(round((until_s - from_s) * 16) + 1):
             for source in sources:
-                self.hear(source, from_s + i / 16)
+                self.receive(source, from_s + i / 16)
 
     @property
     def words(self) -> list[str]:
@@ -95,30 +95,30 @@ def test_a_place_that_is_no_number_is_none(axis: int) -> None:
 
 def test_the_same_time_once_more_is_late() -> None:
     sources = TwoSources()
-    assert sources.hear(FIRST, 100.0)
-    assert not sources.hear(FIRST, 100.0)
+    assert sources.receive(FIRST, 100.0)
+    assert not sources.receive(FIRST, 100.0)
     assert sources.all.health[FIRST].late == 1
 
 
 def test_sources_that_nobody_named_are_counted() -> None:
     sources = TwoSources()
-    assert not sources.hear(ODOMETRY, 100.0)
+    assert not sources.receive(ODOMETRY, 100.0)
     assert sources.all.unused == 1
 
 
 def test_the_mean_interval_follows_by_a_tenth_and_gaps_do_not_count() -> None:
     sources = TwoSources()
     health = sources.all.health[FIRST]
-    sources.hear(FIRST, 100.0)
+    sources.receive(FIRST, 100.0)
     assert isnan(health.period_s)
-    sources.hear(FIRST, 100.5)
+    sources.receive(FIRST, 100.5)
     assert (health.period_s, health.rate_hz) == (0.5, 2.0)
-    sources.hear(FIRST, 100.75)
+    sources.receive(FIRST, 100.75)
     assert health.period_s == pytest.approx(0.5 - 0.1 * 0.25)
     before = health.period_s
-    sources.hear(FIRST, 101.8)  # more than a second
+    sources.receive(FIRST, 101.8)  # more than a second
     assert health.period_s == before
-    sources.hear(FIRST, 102.7)
+    sources.receive(FIRST, 102.7)
     assert health.period_s == pytest.approx(before + 0.1 * (0.9 - before))
 
 
@@ -131,9 +131,9 @@ def test_a_quick_source_may_be_silent_for_a_seventh_of_a_second(
 ) -> None:
     sources = TwoSources()
     for i in range(200):  # at 100 Hz
-        sources.hear(FIRST, 100.0 + i / 100)
+        sources.receive(FIRST, 100.0 + i / 100)
     assert sources.all.is_fresh(FIRST, 101.99 + silent_s) is not is_left
-    assert sources.hear(SECOND, 101.99 + silent_s) is is_left
+    assert sources.receive(SECOND, 101.99 + silent_s) is is_left
     assert sources.all.chosen == (SECOND if is_left else FIRST)
 
 
@@ -175,7 +175,7 @@ def test_the_same_bits_five_times_over_and_for_a_fifth_of_a_second_are_frozen(
 ) -> None:
     sources = TwoSources()
     for i in range(repeats + 1):
-        sources.hear(FIRST, 100.0 + i * every_s, 7.0)
+        sources.receive(FIRST, 100.0 + i * every_s, 7.0)
     assert sources.all.health[FIRST].repeats == repeats
     assert sources.all.health[FIRST].repeats_itself is is_frozen
 
@@ -223,8 +223,8 @@ def test_live_sources_that_are_a_metre_apart_are_reported_once(
 ) -> None:
     sources = TwoSources()
     for i in range(5):
-        sources.hear(FIRST, 100.0 + i / 16, 3.0 + i * 1e-6)
-        sources.hear(SECOND, 100.01 + i / 16, 3.0 + apart_m)
+        sources.receive(FIRST, 100.0 + i / 16, 3.0 + i * 1e-6)
+        sources.receive(SECOND, 100.01 + i / 16, 3.0 + apart_m)
     reported = [text for text in sources.words if "do they share a frame?" in text]
     assert len(reported) == is_reported
     assert all("is 1.1 m from" in text or "is 1.0 m from" in text for text in reported)
@@ -237,7 +237,7 @@ def test_another_clock_forgets_times_and_keeps_the_choice() -> None:
     sources.all.rebase()
     assert sources.all.chosen == FIRST
     assert not sources.all.is_fresh(FIRST, 1002.0)
-    assert sources.hear(FIRST, 5.0)
+    assert sources.receive(FIRST, 5.0)
     health = sources.all.health[FIRST]
     assert isnan(health.period_s)
     assert health.late == 0

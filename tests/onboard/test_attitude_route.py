@@ -104,7 +104,7 @@ def test_a_mode_that_does_not_come_engages_nothing() -> None:
     flight.enters = False
     flight.run(1.2)
     engage = mavlink.MAVLink_command_long_message(1, 191, 31010, 0, 0, 0, 0, 0, 0, 0, 0)
-    flight.hear(engage, station=True)
+    flight.receive(engage, station=True)
     flight.run(5.0)
     assert flight.mode_now == READY
     assert flight.onboard.parameters.values["OP_ENGAGE"] == 0.0
@@ -123,21 +123,21 @@ def test_an_engagement_that_is_withdrawn_before_the_mode_comes_is_answered(way: 
     flight = Guided()
     flight.enters = False
     flight.run(1.2)
-    flight.hear(command(31010), station=True)
+    flight.receive(command(31010), station=True)
     flight.run(0.3)
     assert flight.mode_now == READY
     assert flight.acks == []  # nothing is known of it yet
     if way == "parameter":
         flight.set("OP_ENGAGE", 0.0)
     else:
-        flight.hear(command(31011 if way == "release" else 31012), station=True)
+        flight.receive(command(31011 if way == "release" else 31012), station=True)
     flight.run(0.2)
     assert RESULT_CANCELLED in flight.acks
     answered = len(flight.acks)
     flight.run(12.0)
     assert len(flight.acks) == answered  # the request has ended
     flight.enters = True
-    flight.hear(command(31011), station=True)
+    flight.receive(command(31011), station=True)
     flight.set("OP_ENGAGE", 1.0)
     flight.run(4.0)
     assert is_flying(flight.mode_now)
@@ -256,7 +256,7 @@ def test_acknowledgements_say_nothing_of_the_mode() -> None:
     flight.set("OP_ENGAGE", 1.0)
     flight.run(0.3)
     for result in (0, 1):  # ACCEPTED, TEMPORARILY_REJECTED
-        flight.hear(mavlink.MAVLink_command_ack_message(176, result, 0, 0, 1, 191))
+        flight.receive(mavlink.MAVLink_command_ack_message(176, result, 0, 0, 1, 191))
     flight.run(0.3)
     assert flight.mode_now == READY
     flight.enters = True

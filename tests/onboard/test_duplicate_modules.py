@@ -44,7 +44,7 @@ class Network(Flight):
 
         return Onboard(setup(), send, self.now_s, ModuleOptions(start=start))
 
-    def hear(self, message: Any, *, station: bool = False) -> None:
+    def receive(self, message: Any, *, station: bool = False) -> None:
         sender = self._station if station else self._vehicle
         frame = bytes(message.pack(sender))
         sender.seq = (sender.seq + 1) % 256
@@ -65,7 +65,7 @@ class Network(Flight):
 
     def order(self, number: int) -> None:
         message = mavlink.MAVLink_command_long_message(1, 191, number, 0, 0, 0, 0, 0, 0, 0, 0)
-        self.hear(message, station=True)
+        self.receive(message, station=True)
 
     @property
     def modes(self) -> list[int]:

@@ -25,7 +25,7 @@ def reported(flight: Flight, name: str) -> float:
 
 
 def command(flight: Flight, number: int) -> None:
-    flight.hear(
+    flight.receive(
         mavlink.MAVLink_command_long_message(1, 191, number, 0, 0, 0, 0, 0, 0, 0, 0), station=True
     )
 

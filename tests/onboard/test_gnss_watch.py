@@ -23,7 +23,7 @@ def report(
 ) -> None:
     """The receiver reports these [mm], once a second, for so long."""
     for _ in range(round(seconds)):
-        flight.hear(
+        flight.receive(
             mavlink.MAVLink_gps_raw_int_message(
                 0, fix_type, 0, 0, 0, 100, 100, 0, 0, 10, h_acc=h_acc, v_acc=v_acc
             )

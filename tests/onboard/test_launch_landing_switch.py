@@ -706,8 +706,8 @@ def test_a_wind_that_cannot_be_ends_no_flight() -> None:
     flown = Flight()
     flown.run(1.0)
     for bad in (inf, -inf, nan):
-        flown.hear(mavlink.MAVLink_wind_message(bad, 5.0, 0.0))
-        flown.hear(mavlink.MAVLink_wind_message(270.0, bad, 0.0))
-        flown.hear(mavlink.MAVLink_wind_cov_message(0, bad, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        flown.receive(mavlink.MAVLink_wind_message(bad, 5.0, 0.0))
+        flown.receive(mavlink.MAVLink_wind_message(270.0, bad, 0.0))
+        flown.receive(mavlink.MAVLink_wind_cov_message(0, bad, 8.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     flown.run(1.0)
     assert all(map(isnan, flown.onboard.session.wind.known(flown.now_s)))

@@ -101,14 +101,16 @@ class Flight:
         output = self.onboard.output
         return output.mode if output is not None else -1
 
-    def hear(self, message: Any, *, station: bool = False) -> None:
+    def receive(self, message: Any, *, station: bool = False) -> None:
         sender = self._station if station else self._vehicle
         frame = message.pack(sender)
         sender.seq = (sender.seq + 1) % 256
         self.onboard.event(bytes(frame), self.now_s)
 
     def set(self, name: str, value: float) -> None:
-        self.hear(mavlink.MAVLink_param_set_message(1, 191, name.encode(), value, 9), station=True)
+        self.receive(
+            mavlink.MAVLink_param_set_message(1, 191, name.encode(), value, 9), station=True
+        )
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP_S)):
@@ -116,13 +118,13 @@ class Flight:
             stamp_ms = round((self.now_s - self.boot_s) * 1e3)
             noise = 1e-6 * (stamp_ms % 7)  # nothing that is measured repeats itself
             if self._is_due("heartbeat", self.heartbeat_hz):
-                self.hear(
+                self.receive(
                     mavlink.MAVLink_heartbeat_message(
                         *self.kind, self.base_mode, self.mode, self.status, 3
                     )
                 )
             if self._is_due("position", self.position_hz):
-                self.hear(
+                self.receive(
                     mavlink.MAVLink_local_position_ned_message(
                         stamp_ms, self.north_m, 0, noise, 0, 0, 0
                     )
@@ -130,7 +132,7 @@ class Flight:
             if self._is_due("attitude", self.attitude_hz):
                 qw, qx, qy, qz = self.quaternion
                 qx += noise
-                self.hear(
+                self.receive(
                     mavlink.MAVLink_attitude_quaternion_message(stamp_ms, qw, qx, qy, qz, 0, 0, 0)
                 )
             if self.onboard.clocking.due(self.now_s):
@@ -219,7 +221,7 @@ def test_ticks_follow_an_attitude_that_comes_with_odometry(flight: Flight) -> No
     for n in range(200):
         flight.run(0.005)
         x = 1e-6 * (n % 7)
-        flight.hear(
+        flight.receive(
             mavlink.MAVLink_odometry_message(
                 time_usec=round((flight.now_s - flight.boot_s) * 1e6),
                 frame_id=mavlink.MAV_FRAME_LOCAL_NED,
@@ -440,8 +442,8 @@ def test_whatever_arrives_commands_stay_inside_the_channels(
         flight.onboard.event(junk, flight.now_s)
         numbers = [chance.choice([nan, 0.0, 1.0, 1e38, -1e38]) for _ in range(7)]
         stamp = chance.choice([0, 1500, 2**32 - 1])
-        flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, *numbers))
-        flight.hear(mavlink.MAVLink_local_position_ned_message(stamp, *numbers[:6]))
+        flight.receive(mavlink.MAVLink_attitude_quaternion_message(stamp, *numbers))
+        flight.receive(mavlink.MAVLink_local_position_ned_message(stamp, *numbers[:6]))
         flight.run(0.02)
     for m in flight.outbound("RC_CHANNELS_OVERRIDE"):
         for pulse in (m.chan1_raw, m.chan2_raw, m.chan4_raw):
@@ -497,11 +499,11 @@ def simulator(flight: Flight, steps: int) -> Iterator[int]:
     for i in range(steps):
         noise = 1e-6 * (i % 7)  # nothing that is measured repeats itself
         if i % 200 == 0:
-            flight.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
+            flight.receive(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
         if i % 4 == 0:
-            flight.hear(mavlink.MAVLink_local_position_ned_message(i * 5, 0, 0, noise, 0, 0, 0))
-        flight.hear(mavlink.MAVLink_attitude_quaternion_message(i * 5, 1, noise, 0, 0, 0, 0, 0))
-        flight.hear(mavlink.MAVLink_timesync_message(0, 1_000_000_000 + i * 5_000_000))
+            flight.receive(mavlink.MAVLink_local_position_ned_message(i * 5, 0, 0, noise, 0, 0, 0))
+        flight.receive(mavlink.MAVLink_attitude_quaternion_message(i * 5, 1, noise, 0, 0, 0, 0, 0))
+        flight.receive(mavlink.MAVLink_timesync_message(0, 1_000_000_000 + i * 5_000_000))
         yield i
 
 
@@ -514,8 +516,8 @@ def test_in_lockstep_each_new_attitude_is_one_tick_and_nothing_else_is() -> None
         flight.now_s += 0.5  # the wall clock runs 100 times faster, and does not matter
         assert not flight.onboard.clocking.due(flight.now_s)
         flight.onboard.idle(flight.now_s)
-    flight.hear(mavlink.MAVLink_attitude_quaternion_message(4995, 1, 0, 0, 0, 0, 0, 0))
-    flight.hear(mavlink.MAVLink_attitude_quaternion_message(4990, 1, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_attitude_quaternion_message(4995, 1, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_attitude_quaternion_message(4990, 1, 0, 0, 0, 0, 0, 0))
     assert flight.onboard.counters.ticks == 1000
 
 
@@ -537,7 +539,7 @@ def test_in_lockstep_the_wall_clock_leaves_no_trace() -> None:
     traces = []
     for idle, slow in ((3, 0.001), (500, 0.9)):
         flight = Flight(lockstep=True, now_s=7.0 if idle == 3 else 123456.0)
-        flight.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
+        flight.receive(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
         for _ in range(idle):
             flight.now_s += 0.05
             flight.onboard.idle(flight.now_s)
@@ -577,7 +579,7 @@ def station_beats(flight: Flight, seconds: float) -> list[Any]:
     """A ground station's heartbeats, and what the module says meanwhile."""
     flight.outbound()
     for _ in range(round(seconds)):
-        flight.hear(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), station=True)
+        flight.receive(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), station=True)
         flight.run(1.0)
     return flight.outbound()
 

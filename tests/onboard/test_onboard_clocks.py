@@ -33,19 +33,19 @@ def duplicate(flight: Flight, seconds: float, ahead_s: float) -> None:
     for _ in range(round(seconds * 50)):
         flight.run(0.02)
         stamp = stamp_ms(flight, ahead_s)
-        flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, 0, 1, 0, 0, 0, 0, 0))
-        flight.hear(mavlink.MAVLink_local_position_ned_message(stamp, 0.3, 0.0, 0.0, 0, 0, 0))
+        flight.receive(mavlink.MAVLink_attitude_quaternion_message(stamp, 0, 1, 0, 0, 0, 0, 0))
+        flight.receive(mavlink.MAVLink_local_position_ned_message(stamp, 0.3, 0.0, 0.0, 0, 0, 0))
 
 
 @pytest.mark.parametrize("ahead_s", [0.25, 0.6, 1.0, 400.0])
 def test_one_stamp_ahead_is_flown_through(flight: Flight, ahead_s: float) -> None:
     """Of what is flown with, of what is not, and of what was never received before."""
     stamp = stamp_ms(flight, ahead_s)
-    flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
-    flight.hear(mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0))
-    flight.hear(mavlink.MAVLink_global_position_int_message(stamp, 0, 0, 0, 0, 0, 0, 0, 0))
-    flight.hear(mavlink.MAVLink_scaled_imu2_message(stamp, 0, 0, -1000, 0, 0, 0, 0, 0, 0))
-    flight.hear(mavlink.MAVLink_raw_imu_message(stamp * 1000, 0, 0, -1000, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_global_position_int_message(stamp, 0, 0, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_scaled_imu2_message(stamp, 0, 0, -1000, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_raw_imu_message(stamp * 1000, 0, 0, -1000, 0, 0, 0, 0, 0, 0))
     flight.run(3.0)
     assert flight.mode_now in ENGAGED
     assert flight.onboard.session.counters.reboots == 0
@@ -56,8 +56,8 @@ def test_one_stamp_ahead_blocks_no_engagement(ahead_s: float) -> None:
     """Not even the first that is received."""
     flight = Flight()
     stamp = stamp_ms(flight, ahead_s)
-    flight.hear(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
-    flight.hear(mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_attitude_quaternion_message(stamp, 1, 0, 0, 0, 0, 0, 0))
+    flight.receive(mavlink.MAVLink_local_position_ned_message(stamp, 0, 0, 0, 0, 0, 0))
     flight.run(SOON_S)
     assert flight.mode_now == READY
 

@@ -85,7 +85,7 @@ class Scene:
         self.links.measure_loss(now_s, self.ticks, self.counters)
         return self.links.loss
 
-    def hear(self, count: int, *, lost: int = 0) -> None:
+    def receive(self, count: int, *, lost: int = 0) -> None:
         """Frames of the autopilot, of which some before the last do not come."""
         for k in range(count + lost):
             message = mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3)
@@ -212,14 +212,14 @@ def test_the_fraction_that_was_lost_of_the_autopilots_frames_is_that_of_the_last
     scene.add().decoder.watch(AUTOPILOT)
     assert scene.links.loss == 0.0
     assert scene.measure(T_S) == 0.0  # nothing came, nothing was lost
-    scene.hear(2)
-    scene.hear(8, lost=2)
+    scene.receive(2)
+    scene.receive(8, lost=2)
     assert scene.measure(T_S + 1.9) == 0.0  # not yet
     assert scene.measure(T_S + 2.1) == pytest.approx(2 / 12)
-    scene.hear(20)
+    scene.receive(20)
     assert scene.measure(T_S + 4.0) == pytest.approx(2 / 12)
     assert scene.measure(T_S + 4.2) == 0.0
-    scene.hear(5, lost=5)
+    scene.receive(5, lost=5)
     assert scene.measure(T_S + 6.3) == pytest.approx(0.5)
 
 

@@ -52,13 +52,13 @@ class Bench:
         self.onboard = Onboard(setup, self._send, self.now_s)
         self.onboard.add_link(lambda _: True)
         self.codecs = {s: mavlink.MAVLink(None, *s) for s in ((1, 1), BRIDGE, (9, 1))}
-        self.hears(mavlink.MAVLink_heartbeat_message(1, 3, 81 | 128, 0, 4, 3))
+        self.receives(mavlink.MAVLink_heartbeat_message(1, 3, 81 | 128, 0, 4, 3))
 
     def _send(self, frame: bytes) -> bool:
         self.frames.append(frame)
         return True
 
-    def hears(self, message: Any, *, of: tuple[int, int] = (1, 1), link: int = 0) -> None:
+    def receives(self, message: Any, *, of: tuple[int, int] = (1, 1), link: int = 0) -> None:
         self.onboard.event(bytes(message.pack(self.codecs[of])), self.now_s, link)
 
     def runs(self, seconds: float, *, tracked: bool = False) -> None:
@@ -66,12 +66,12 @@ class Bench:
         for _ in range(round(seconds * 200)):
             self.now_s += 0.005
             ms, us = round(self.now_s * 1e3) - 90_000, round(self.now_s * 1e6) - 90_000_000
-            self.hears(mavlink.MAVLink_raw_imu_message(us, 10, 0, -1000, 1, 2, 3, 0, 0, 0))
-            self.hears(mavlink.MAVLink_sys_status_message(16, 16, 16, *[0] * 10))
-            self.hears(mavlink.MAVLink_vfr_hud_message(8.5, 0, 0, 0, 0, 0))
-            self.hears(mavlink.MAVLink_servo_output_raw_message(us & 0xFFFFFFFF, 0, *[1500] * 8))
-            self.hears(mavlink.MAVLink_local_position_ned_message(ms, 1, 2, -3, 0, 0, 0))
-            self.hears(mavlink.MAVLink_attitude_quaternion_message(ms, 1, 0, 0, 0, 0, 0, 0))
+            self.receives(mavlink.MAVLink_raw_imu_message(us, 10, 0, -1000, 1, 2, 3, 0, 0, 0))
+            self.receives(mavlink.MAVLink_sys_status_message(16, 16, 16, *[0] * 10))
+            self.receives(mavlink.MAVLink_vfr_hud_message(8.5, 0, 0, 0, 0, 0))
+            self.receives(mavlink.MAVLink_servo_output_raw_message(us & 0xFFFFFFFF, 0, *[1500] * 8))
+            self.receives(mavlink.MAVLink_local_position_ned_message(ms, 1, 2, -3, 0, 0, 0))
+            self.receives(mavlink.MAVLink_attitude_quaternion_message(ms, 1, 0, 0, 0, 0, 0, 0))
             if tracked:
                 fix = PositionFix(
                     sequence=0,
@@ -169,11 +169,11 @@ def test_the_tracker_s_attitude_is_flown_with_where_the_site_asks(
 def test_a_bridge_on_any_link_is_accepted_and_nobody_else(tmp_path: Path) -> None:
     bench = Bench(setup_of(tmp_path, VISION_TABLE))
     for of, link in (((9, 1), 1), ((1, 1), 1), ((9, 1), 0)):
-        bench.hears(vision(5.0), of=of, link=link)
+        bench.receives(vision(5.0), of=of, link=link)
     assert bench.onboard.session.position.sequence == 0
-    bench.hears(vision(5.0), of=BRIDGE, link=1)
+    bench.receives(vision(5.0), of=BRIDGE, link=1)
     assert bench.onboard.session.position.source == VISION
-    bench.hears(mavlink.MAVLink_local_position_ned_message(5, 1, 2, 3, 0, 0, 0), link=1)
+    bench.receives(mavlink.MAVLink_local_position_ned_message(5, 1, 2, 3, 0, 0, 0), link=1)
     assert bench.onboard.session.position.sequence == 1
 
 
@@ -205,7 +205,7 @@ def test_a_bridge_that_speaks_to_the_autopilot_itself_is_not_repeated(tmp_path: 
         bench = Bench(setup_of(tmp_path, VISION_TABLE, FORWARD))
         for _ in range(130):
             bench.runs(0.02)
-            bench.hears(vision(bench.now_s), of=BRIDGE, link=link)
+            bench.receives(vision(bench.now_s), of=BRIDGE, link=link)
         bench.runs(1.0)
         assert bool(bench.reported("VISION_POSITION_ESTIMATE")) == repeated
 
@@ -216,7 +216,7 @@ def test_a_hill_needs_no_more_than_its_home(tmp_path: Path) -> None:
     place = mavlink.MAVLink_global_position_int_message(
         5, 519_900_000, 43_750_000, 25_000, 5_000, 0, 0, 0, 0
     )
-    bench.hears(place)
+    bench.receives(place)
     assert bench.onboard.session.position[2:5] == pytest.approx((0.0, 0.0, -5.0), abs=1e-6)
     assert bench.onboard.session.position.source == GLOBAL_POSITION
 

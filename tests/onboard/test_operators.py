@@ -32,7 +32,7 @@ def flight() -> Flight:
 
 
 def order(flight: Flight, number: int, *, component: int = 191, confirmation: int = 0) -> None:
-    flight.hear(
+    flight.receive(
         mavlink.MAVLink_command_long_message(
             1, component, number, confirmation, 0, 0, 0, 0, 0, 0, 0
         ),
@@ -237,7 +237,9 @@ def test_an_abort_stands_against_every_way_to_engage(flight: Flight) -> None:
 def test_a_refused_zero_does_not_take_an_abort_back(flight: Flight) -> None:
     order(flight, ABORT)
     real64 = 10  # a type that is refused
-    flight.hear(mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 0.0, real64), station=True)
+    flight.receive(
+        mavlink.MAVLink_param_set_message(1, 191, b"OP_ENGAGE", 0.0, real64), station=True
+    )
     order(flight, ENGAGE)
     flight.run(0.1)
     messages = flight.outbound()
@@ -258,7 +260,7 @@ def test_only_operators_may_set_and_command(flight: Flight) -> None:
     flight._station = mavlink.MAVLink(None, 77, 190)
     flight.set("TGL_X", 0.5)
     order(flight, ENGAGE)
-    flight.hear(mavlink.MAVLink_param_request_read_message(1, 191, b"TGL_Z", -1), station=True)
+    flight.receive(mavlink.MAVLink_param_request_read_message(1, 191, b"TGL_Z", -1), station=True)
     flight.run(0.1)
     messages = flight.outbound()
     values = {m.param_id: m.param_value for m in messages if m.get_type() == "PARAM_VALUE"}
@@ -701,7 +703,7 @@ def test_with_a_key_an_unsigned_autopilot_is_not_accepted_unless_that_was_allowe
 
 
 def setup_signing(flight: Flight, key: bytes, ticks: int = 10**13) -> None:
-    flight.hear(mavlink.MAVLink_setup_signing_message(1, 191, list(key), ticks), station=True)
+    flight.receive(mavlink.MAVLink_setup_signing_message(1, 191, list(key), ticks), station=True)
 
 
 def test_a_key_over_the_air_is_refused(flight: Flight) -> None:

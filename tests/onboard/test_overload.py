@@ -50,7 +50,7 @@ class BusyFlight(Flight):
             if self.now_s >= wake_s:
                 wake_s += self.awake_every_s
                 for message in waiting:
-                    self.hear(message)
+                    self.receive(message)
                 waiting.clear()
                 if onboard.clocking.due(self.now_s):
                     onboard.periodic(self.now_s)

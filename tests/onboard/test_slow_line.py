@@ -141,7 +141,7 @@ def test_a_line_that_is_too_slow_carries_new_commands_and_the_release_at_once(wi
     assert len(sent) > 3.0 / COMMAND_LATE_S / 4  # more than a quarter of the ticks' all the same
     assert flight.onboard.counters.left_out > 50
     flight.mode = 10  # the pilot takes it
-    flight.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3))
+    flight.receive(mavlink.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3))
     # A frame that was cut swallows as much as the longest one is long: 293 bytes, then a release
     # of FRAME bytes that may itself be swallowed in part, and one whole, and the tick: 66 ms.
     wait_s = (LONGEST_FRAME + 2 * FRAME) / wire.bytes_per_s + STEP_S
@@ -206,7 +206,7 @@ def test_after_a_frame_that_was_cut_the_release_goes_out_often_enough_to_be_read
     route.clear_for_release = lambda: True
     before = len(flight.frames)
     flight.mode = 10
-    flight.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3))
+    flight.receive(mavlink.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3))
     flight.run(0.01)
     frames = [frame for frame in flight.frames[before:] if frame[7:10] == RC_CHANNELS_OVERRIDE]
     assert sum(len(frame) for frame in frames[:-2]) >= LONGEST_FRAME  # all of it may be swallowed

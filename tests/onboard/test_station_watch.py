@@ -15,7 +15,7 @@ LIMIT_S = 3.0
 def beat(flight: Flight, *, seconds: float) -> None:
     """A station is there for so long, with a heartbeat a second."""
     for _ in range(round(seconds)):
-        flight.hear(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), station=True)
+        flight.receive(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), station=True)
         flight.run(1.0)
 
 

@@ -113,7 +113,7 @@ class Scene:
             self.now_s, session, engage=engage, ready=ready, pitch_rad=self.pitch_rad
         )
 
-    def hear(self, custom_mode: int, after_s: float = 1.0, *, failsafe: bool = False) -> None:
+    def receive(self, custom_mode: int, after_s: float = 1.0, *, failsafe: bool = False) -> None:
         """The next heartbeat."""
         self.now_s += after_s
         self.received_s, self.custom_mode, self.failsafe = self.now_s, custom_mode, failsafe
@@ -297,12 +297,12 @@ def test_the_mode_is_asked_for_at_the_next_heartbeat_and_level_setpoints_stream_
     level = scene.flavour.commands(SurfaceCommand(0, 0, 0), Setpoints(scene.pitch_rad, 0.0, 0.0))
     assert scene.outbox.take() == ["before first", ("command", level)]
     assert scene.control.in_control
-    scene.hear(FBWA)
+    scene.receive(FBWA)
     scene.change()
     (asked, command) = scene.outbox.take()
     assert modes([asked]) == [GUIDED]
     assert command == ("command", level)
-    scene.hear(GUIDED)
+    scene.receive(GUIDED)
     scene.change()
     assert scene.outbox.take() == []
     assert not scene.control.in_control  # the tick takes over from here
@@ -325,7 +325,7 @@ def test_no_mode_is_asked_for_where(engage: bool, ready: bool, mode: int) -> Non
     scene.custom_mode = mode
     for _ in range(3):
         scene.change(engage=engage, ready=ready)
-        scene.hear(mode)
+        scene.receive(mode)
     assert scene.outbox.take() == []
 
 
@@ -339,12 +339,12 @@ def test_a_mode_that_is_on_its_way_is_not_begun_again() -> None:
 def test_an_engagement_that_is_withdrawn_leaves_the_mode_that_may_come_yet() -> None:
     scene = Scene("attitude")
     scene.change()
-    scene.hear(FBWA)
+    scene.receive(FBWA)
     scene.change()
     scene.outbox.take()
     scene.change(engage=False)
     assert scene.outbox.take() == []  # nothing streams any more
-    scene.hear(GUIDED, ANSWER_S / 2)  # the request was on its way
+    scene.receive(GUIDED, ANSWER_S / 2)  # the request was on its way
     scene.change(engage=False)
     assert modes(scene.outbox.take()) == [FBWA]
 
@@ -352,7 +352,7 @@ def test_an_engagement_that_is_withdrawn_leaves_the_mode_that_may_come_yet() -> 
 def test_why_a_mode_did_not_come_is_returned_once() -> None:
     scene = Scene("attitude")
     scene.change()
-    scene.hear(LOITER)
+    scene.receive(LOITER)
     assert scene.change() == "not engaged: the pilot has chosen another mode"
     assert scene.change(engage=False) == ""
 
@@ -361,12 +361,12 @@ def test_a_mode_that_a_failsafe_gives_back_is_left_again_and_reported() -> None:
     scene = Scene("attitude")
     scene.custom_mode = GUIDED
     scene.tick(active=True)
-    scene.hear(CIRCLE, failsafe=True)
+    scene.receive(CIRCLE, failsafe=True)
     scene.tick(active=False)
-    scene.hear(CIRCLE, failsafe=True)
+    scene.receive(CIRCLE, failsafe=True)
     scene.change(engage=False)
     scene.outbox.take()
-    scene.hear(GUIDED)
+    scene.receive(GUIDED)
     scene.change(engage=False)
     reported, *requests = scene.outbox.take()
     assert reported == (

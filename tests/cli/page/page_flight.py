@@ -72,7 +72,7 @@ class Flown:
                     received.append(b"".join(map(self.altered, frames_of(bytes(data)))))
         return received
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """From the ground."""
         self.simulation.receive(GROUND, data)
 
@@ -132,7 +132,7 @@ class Flying:
                 return
             if not self.is_cut:
                 self.received.append(data)
-                self.flown.hear(data)
+                self.flown.receive(data)
 
     def until(self, condition: Callable[[Flown], Any], patience_s: float = PATIENCE_S) -> None:
         """Wait for something of the flight."""

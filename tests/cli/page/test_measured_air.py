@@ -58,7 +58,7 @@ def test_on_a_flight_it_finds_the_contour_of_the_air() -> None:
             if slice_ % 10 == 0:
                 station.step(flown.simulation.time_s)
             for frame in station.take_datagrams():
-                flown.hear(frame)
+                flown.receive(frame)
             desk.show(flown.simulation.time_s)
 
     fly(5.0)

@@ -36,7 +36,7 @@ class Desk:
             self.orders.step(self.now_s)
             for frame in self.station.take_datagrams():
                 if not self.loses(frame):
-                    self.flown.hear(frame)
+                    self.flown.receive(frame)
 
     def engaged(self) -> Desk:
         self.orders.command("me", ENGAGE)

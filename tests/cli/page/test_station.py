@@ -41,7 +41,7 @@ def module(key: bytes | None = None, component: int = 191) -> Any:
     return codec
 
 
-def hear(listener: Station, sender: Any, *messages: Any, now_s: float = 10.0) -> None:
+def receive(listener: Station, sender: Any, *messages: Any, now_s: float = 10.0) -> None:
     for message in messages:
         listener.receive(bytes(message.pack(sender)), now_s, 1.8e9)
         sender.seq = (sender.seq + 1) % 256
@@ -62,7 +62,7 @@ def test_it_learns_all_that_the_module_tells_and_every_parameter() -> None:
             listener.receive(without_others(data), slice_ * 0.1, 1.8e9)
         listener.step(slice_ * 0.1)
         for frame in listener.take_datagrams():
-            flown.hear(frame)
+            flown.receive(frame)
     assert set(listener.now) >= {*FAST, *SLOW, *set(ROW[1:]), "roll", "armed"}
     assert listener.missing == []
     assert listener.parameters["TGL_Z"] == flown.value("TGL_Z")
@@ -84,7 +84,7 @@ def test_a_lost_parameter_is_asked_for_again() -> None:
             listener.receive(data, slice_ * 0.1, 1.8e9)
         listener.step(slice_ * 0.1)
         for frame in listener.take_datagrams():
-            flown.hear(frame)
+            flown.receive(frame)
         if slice_ == 40:
             assert listener.missing == [lost]
             flown.altered = bytes
@@ -95,7 +95,7 @@ def test_a_text_in_pieces_is_one_text_and_markup_is_text() -> None:
     listener, sender = station(), module()
     text = "<img src=x onerror=alert(1)>" + "x" * 40
     pieces = [text[:50], text[50:]]
-    hear(
+    receive(
         listener,
         sender,
         *(mavlink.MAVLink_statustext_message(4, p.encode(), 7, i) for i, p in enumerate(pieces)),
@@ -111,9 +111,9 @@ def test_a_piece_whose_text_has_lost_one_is_put_behind_no_other() -> None:
     def text(words: bytes, number: int = 0, piece: int = 0) -> Any:
         return mavlink.MAVLink_statustext_message(4, words, number, piece)
 
-    hear(listener, sender, text(b"ready: can be engaged"), text(b" is outside the fence", 9, 1))
-    hear(listener, sender, text(b"one ", 10), text(b"three", 10, 2), text(b" four", 10, 3))
-    hear(listener, sender, text(b"other ", 11), text(b"no part of it", 12, 1))
+    receive(listener, sender, text(b"ready: can be engaged"), text(b" is outside the fence", 9, 1))
+    receive(listener, sender, text(b"one ", 10), text(b"three", 10, 2), text(b" four", 10, 3))
+    receive(listener, sender, text(b"other ", 11), text(b"no part of it", 12, 1))
     shown = [each.text for each in listener.texts]
     assert shown[:2] == ["ready: can be engaged", " is outside the fence"]
     assert shown[2:] == ["one ", "three four", "other ", "no part of it"]
@@ -121,17 +121,19 @@ def test_a_piece_whose_text_has_lost_one_is_put_behind_no_other() -> None:
 
 def test_control_characters_and_endless_texts_are_cut() -> None:
     listener, sender = station(), module()
-    hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"a\x1b[31m\nb", 0, 0))
+    receive(listener, sender, mavlink.MAVLink_statustext_message(4, b"a\x1b[31m\nb", 0, 0))
     assert listener.texts[-1].text == "a?[31m?b"
     for i in range(100):
-        hear(listener, sender, mavlink.MAVLink_statustext_message(4, b"y" * 50, 3, i))
+        receive(listener, sender, mavlink.MAVLink_statustext_message(4, b"y" * 50, 3, i))
     assert len(listener.texts[-1].text) == 250
     assert len(listener.texts) == 2
 
 
 def test_numbers_that_are_none_are_not_known() -> None:
     listener, sender = station(), module()
-    hear(listener, sender, named("e_rho", nan), named("soar_x", float("inf")), named("climb", 1.5))
+    receive(
+        listener, sender, named("e_rho", nan), named("soar_x", float("inf")), named("climb", 1.5)
+    )
     assert number(listener.now["e_rho"]) is None
     assert number(listener.now["soar_x"]) is None
     assert number(listener.now["climb"]) == 1.5
@@ -142,19 +144,19 @@ def test_numbers_that_are_none_are_not_known() -> None:
 
 def test_other_names_components_and_systems_are_not_shown() -> None:
     listener = station()
-    hear(listener, module(), named("no_such", 1.0))
-    hear(listener, module(component=1), named("e_rho", 1.0))
-    hear(listener, mavlink.MAVLink(None, 2, 191), named("e_rho", 1.0))
+    receive(listener, module(), named("no_such", 1.0))
+    receive(listener, module(component=1), named("e_rho", 1.0))
+    receive(listener, mavlink.MAVLink(None, 2, 191), named("e_rho", 1.0))
     assert listener.now == {}
 
 
 def test_a_module_that_was_started_again_is_asked_for_everything_again() -> None:
     listener, sender = station(), module()
-    hear(listener, sender, beat(5, 4), named("e_rho", 1.0))
+    receive(listener, sender, beat(5, 4), named("e_rho", 1.0))
     value = mavlink.MAVLink_param_value_message(b"TGL_Z", 1.5, PARAM_TYPE_REAL32, 91, 0)
-    hear(listener, sender, value)
+    receive(listener, sender, value)
     listener.take_datagrams()
-    hear(listener, sender, beat(6, 1))
+    receive(listener, sender, beat(6, 1))
     assert listener.starts == 1
     assert listener.parameters == {}
     assert "e_rho" not in listener.now
@@ -164,7 +166,7 @@ def test_a_module_that_was_started_again_is_asked_for_everything_again() -> None
 
 def test_a_silent_module_leaves_gaps_in_the_strips() -> None:
     listener, sender = station(), module()
-    hear(listener, sender, named("e_rho", 1.0), now_s=10.0)
+    receive(listener, sender, named("e_rho", 1.0), now_s=10.0)
     listener.step(10.1)
     listener.step(13.0)
     at = ROW.index("e_rho")
@@ -174,10 +176,10 @@ def test_a_silent_module_leaves_gaps_in_the_strips() -> None:
 
 def test_with_a_key_it_signs_and_hears_only_what_is_signed() -> None:
     listener = station(KEY)
-    hear(listener, module(), named("e_rho", 1.0))
-    hear(listener, module(bytes(32)), named("e_rho", 2.0))
+    receive(listener, module(), named("e_rho", 1.0))
+    receive(listener, module(bytes(32)), named("e_rho", 2.0))
     assert listener.now == {}
-    hear(listener, module(KEY), named("e_rho", 3.0))
+    receive(listener, module(KEY), named("e_rho", 3.0))
     assert listener.now["e_rho"] == 3.0
     listener.command(mavlink.MAV_CMD_USER_1, 0)
     (frame,) = listener.take_datagrams()

@@ -53,9 +53,9 @@ class Bench:
         self.beats = self.reads_back = True
         self.speed_mps: float | None = None  # as it is reported with each heartbeat
         self._pulses = {1: 1480, 2: 1500, 4: 1500}
-        self.hear_heartbeat()
+        self.receive_heartbeat()
 
-    def hear_heartbeat(self) -> None:
+    def receive_heartbeat(self) -> None:
         self.check.take(
             Heartbeat(
                 type=1,
@@ -78,7 +78,7 @@ class Bench:
         while not self.check.done:
             self.now_s += 0.05
             if self.beats:
-                self.hear_heartbeat()
+                self.receive_heartbeat()
             if self.check.refusal(self.now_s):
                 break
             for message in self.check.step(self.now_s):
@@ -235,7 +235,7 @@ def test_after_three_heartbeats_that_did_not_come_nothing_is_moved() -> None:
 def test_nothing_is_moved_on_an_armed_aircraft() -> None:
     bench = Bench()
     bench.base_mode |= MODE_FLAG_ARMED
-    bench.hear_heartbeat()
+    bench.receive_heartbeat()
     assert "armed" in bench.check.refusal(bench.now_s)
     assert bench.run() == []
 
@@ -243,7 +243,7 @@ def test_nothing_is_moved_on_an_armed_aircraft() -> None:
 def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
     bench = Bench(armed_on_ground=True)
     bench.base_mode |= MODE_FLAG_ARMED
-    bench.hear_heartbeat()
+    bench.receive_heartbeat()
     assert "no speed of it was received" in bench.check.refusal(bench.now_s)
     bench.check.take(
         LocalPositionNed(time_boot_ms=0, x=0, y=0, z=0, vx=2.0, vy=0.0, vz=0.5), bench.now_s
@@ -257,7 +257,7 @@ def test_armed_it_is_left_alone_once_its_speed_is_not_reported_any_more() -> Non
     bench = Bench(armed_on_ground=True)
     bench.base_mode |= MODE_FLAG_ARMED
     bench.speed_mps = 0.1
-    bench.hear_heartbeat()
+    bench.receive_heartbeat()
     assert bench.check.refusal(bench.now_s) == ""
     bench.speed_mps, reported_s = None, bench.now_s
     assert len(bench.run()) < len(STOPS)
@@ -279,7 +279,7 @@ def test_it_stops_half_way_when_that_changes(
     bench = Bench()
     for _ in range(30):
         bench.now_s += 0.05
-        bench.hear_heartbeat()
+        bench.receive_heartbeat()
         bench.check.step(bench.now_s)
     bench.check.move_on()
     bench.mode, bench.base_mode, bench.beats = mode, base_mode, beats

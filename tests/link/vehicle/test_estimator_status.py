@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_sensor_samples import AUTOPILOT, BRIDGE, STRANGER, hear, session
+from test_sensor_samples import AUTOPILOT, BRIDGE, STRANGER, receive, session
 
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
 from tgl_soar.link.autopilots.px4 import Px4
@@ -54,7 +54,7 @@ def place(talk: Session, time_ms: int) -> bool:
     """Whether the next position is taken for dead reckoned."""
     before = talk.position.sequence
     at = LocalPositionNed(time_boot_ms=time_ms, x=1.0, y=2.0, z=-3.0, vx=0.1, vy=0.0, vz=0.0)
-    hear(talk, at, time_ms / 1000.0)
+    receive(talk, at, time_ms / 1000.0)
     assert talk.position.sequence == before + 1
     return talk.position.reckoned
 
@@ -91,27 +91,27 @@ def test_a_position_is_reckoned_where_the_estimator_has_lost_what_it_had(
 ) -> None:
     talk = session()
     assert not place(talk, 1000)  # without a report nothing is uncertain
-    hear(talk, status(before), 1.1)
+    receive(talk, status(before), 1.1)
     place(talk, 1200)
-    hear(talk, status(now), 1.3)
+    receive(talk, status(now), 1.3)
     assert place(talk, 1400) == reckoned
-    hear(talk, status(AIDED), 1.5)
+    receive(talk, status(AIDED), 1.5)
     assert not place(talk, 1600)
 
 
 def test_an_uncertainty_holds_until_the_autopilot_restarts() -> None:
     talk = session()
-    hear(talk, ekf3(AIDED), 500.0)
-    hear(talk, ekf3(HEIGHT | RELATIVE), 500.2)
+    receive(talk, ekf3(AIDED), 500.0)
+    receive(talk, ekf3(HEIGHT | RELATIVE), 500.2)
     assert place(talk, 500_300)
     assert place(talk, 560_000)
     for k in range(40):  # its clock begins again
         if k == 20:
             assert talk.counters.reboots == 1
             assert not talk.position.reckoned
-            hear(talk, ekf3(HEIGHT | RELATIVE), 560.5)  # all that this start has had
+            receive(talk, ekf3(HEIGHT | RELATIVE), 560.5)  # all that this start has had
         at = LocalPositionNed(time_boot_ms=1000 + 20 * k, x=1.0, y=2.0, z=0.0, vx=0, vy=0, vz=0)
-        hear(talk, at, 560.1 + 0.02 * k)
+        receive(talk, at, 560.1 + 0.02 * k)
     assert talk.position.time_s == pytest.approx(560.88)
     assert not talk.position.reckoned
 
@@ -130,8 +130,8 @@ def test_what_was_reported_too_long_ago_is_reported_once_and_an_uncertainty_stay
     flags: int, words: str, reckoned: bool
 ) -> None:
     talk = session()
-    hear(talk, ekf3(AIDED), 1.0)
-    hear(talk, ekf3(flags), 1.2)
+    receive(talk, ekf3(AIDED), 1.0)
+    receive(talk, ekf3(flags), 1.2)
     talk.poll(1.2 + STATUS_AGE_MAX_S)
     assert of_the_silence(talk) == []
     for k in range(50):
@@ -139,7 +139,7 @@ def test_what_was_reported_too_long_ago_is_reported_once_and_an_uncertainty_stay
     (reported,) = of_the_silence(talk)
     assert words in reported
     assert place(talk, 12_000) == reckoned
-    hear(talk, ekf3(AIDED), 12.1)
+    receive(talk, ekf3(AIDED), 12.1)
     assert not place(talk, 12_200)
     (reported,) = of_the_silence(talk)
     assert reported.endswith("reports again")
@@ -150,7 +150,7 @@ def test_what_was_reported_too_long_ago_is_reported_once_and_an_uncertainty_stay
 def test_who_never_spoke_is_not_missed_and_a_clock_that_is_set_makes_no_silence() -> None:
     talk = session()
     talk.poll(1000.0)
-    hear(talk, ekf3(AIDED), 1000.1)
+    receive(talk, ekf3(AIDED), 1000.1)
     talk.rebase(5000.0)
     talk.poll(5000.0 + STATUS_AGE_MAX_S)
     assert of_the_silence(talk) == []
@@ -162,16 +162,16 @@ def test_nobody_else_has_a_say_and_what_the_autopilot_did_not_measure_is_not_mea
     sources = PositionSources((VISION, LOCAL_POSITION))
     talk = session(sources=sources, vision_from=[BRIDGE])
     for status in (ekf3(AIDED), ekf3(HEIGHT)):
-        hear(talk, status, 1.0, STRANGER)
+        receive(talk, status, 1.0, STRANGER)
     assert talk.counters.foreign == 2
     assert not place(talk, 1100)
-    hear(talk, ekf3(HEIGHT), 1.2)
+    receive(talk, ekf3(HEIGHT), 1.2)
     assert place(talk, 1300)
     pose = VisionPositionEstimate(
         usec=1_400_000, x=1.0, y=2.0, z=-3.0, roll=0.0, pitch=0.0, yaw=0.0
     )
     for k in range(200):
-        hear(talk, pose._replace(usec=pose.usec + 20_000 * k), 1.4 + 0.02 * k, BRIDGE)
+        receive(talk, pose._replace(usec=pose.usec + 20_000 * k), 1.4 + 0.02 * k, BRIDGE)
     assert talk.position.source == VISION
     assert not talk.position.reckoned
 
@@ -202,7 +202,7 @@ def test_each_firmware_is_asked_for_its_own_and_a_refusal_is_reported(
                 target_system=1,
                 target_component=191,
             )
-            hear(talk, answer, now_s)
+            receive(talk, answer, now_s)
     assert asked
     texts = [text for _, text in talk.notices if name in text]
     assert len(texts) == 1

@@ -6,7 +6,7 @@ from math import asin, degrees, nan, radians
 from typing import Any
 
 import pytest
-from test_sensor_samples import AUTOPILOT, BRIDGE, HOME, OWN, STRANGER, hear, session
+from test_sensor_samples import AUTOPILOT, BRIDGE, HOME, OWN, STRANGER, receive, session
 from test_tangent_plane import geodetic
 
 from tgl_soar.geometry import euler_from_quaternion
@@ -36,18 +36,18 @@ def test_latitude_and_longitude_become_local_ned_with_all_their_digits() -> None
         vy=-20,
         vz=5,
     )
-    hear(talk, place, 5.0)
+    receive(talk, place, 5.0)
     assert talk.position.source == GLOBAL_POSITION
     assert talk.position[2:5] == pytest.approx((120.0, -34.0, -5.0), abs=0.006)
     assert talk.position[5:8] == pytest.approx((1.5, -0.2, 0.05))
-    hear(talk, place._replace(time_boot_ms=1020, lat=place.lat + 1), 5.02)
+    receive(talk, place._replace(time_boot_ms=1020, lat=place.lat + 1), 5.02)
     assert talk.position.north_m == pytest.approx(120.0 + 0.0111, abs=0.006)
 
 
 def test_a_place_that_is_not_near_home_is_counted_and_reported_once() -> None:
     talk = hill()
     for i, (lat, lon) in enumerate(((0, 0), (2**31 - 1, -(2**31)), (530_000_000, 4_375_000))):
-        hear(
+        receive(
             talk,
             GlobalPositionInt(
                 time_boot_ms=1000 + 20 * i, lat=lat, lon=lon, alt=0, vx=0, vy=0, vz=0
@@ -86,17 +86,17 @@ def test_a_position_overheard_from_a_bridge_that_is_accepted() -> None:
         covariance=covariance,
     )
     for stranger in (STRANGER, AUTOPILOT, OWN):
-        hear(talk, pose, 5.0, stranger)
+        receive(talk, pose, 5.0, stranger)
     assert talk.position.sequence == 0
     assert talk.counters.foreign == 3
-    hear(talk, pose, 5.0, BRIDGE)
+    receive(talk, pose, 5.0, BRIDGE)
     assert talk.position[:5] == pytest.approx((1, 5.0, 1.0, 2.0, -3.0))
     assert talk.position.source == VISION
     assert talk.position.sigma_m == pytest.approx(0.03)
     assert talk.sources.attitude is not None
     assert euler_from_quaternion(*talk.sources.attitude) == pytest.approx((0.1, 0.2, 0.3))
-    hear(talk, pose._replace(usec=77_000_010_000, x=nan), 5.01, BRIDGE)
-    hear(talk, pose._replace(usec=77_000_020_000, yaw=nan), 5.02, BRIDGE)
+    receive(talk, pose._replace(usec=77_000_010_000, x=nan), 5.01, BRIDGE)
+    receive(talk, pose._replace(usec=77_000_020_000, yaw=nan), 5.02, BRIDGE)
     assert talk.position.sequence == 2
     assert talk.sources.attitude is None
 
@@ -106,17 +106,17 @@ def test_its_clock_is_not_the_autopilot_s() -> None:
     pose = VisionPositionEstimate(usec=0, x=1.0, y=2.0, z=-3.0, roll=0.0, pitch=0.0, yaw=0.0)
     for i in range(200):
         now = 10.0 + i * 0.01
-        hear(
+        receive(
             talk,
             LocalPositionNed(
                 time_boot_ms=5000 + i * 10, x=1.0, y=2.0, z=-3.0, vx=0.0, vy=0.0, vz=0.0
             ),
             now + 0.002,
         )
-        hear(talk, pose._replace(usec=(5_200 + i * 10) * 1000), now, BRIDGE)
+        receive(talk, pose._replace(usec=(5_200 + i * 10) * 1000), now, BRIDGE)
         assert talk.sources.health[VISION].newest_s == pytest.approx(now, abs=1e-3)
     for i in range(5):
-        hear(talk, pose._replace(usec=i * 10_000), 13.0 + i * 0.01, BRIDGE)
+        receive(talk, pose._replace(usec=i * 10_000), 13.0 + i * 0.01, BRIDGE)
     assert talk.counters.reboots == 0
 
 
@@ -126,7 +126,7 @@ def test_the_nose_of_a_level_aircraft_is_where_its_yaw_says() -> None:
     pose = VisionPositionEstimate(
         usec=1_000_000, x=0.0, y=0.0, z=0.0, roll=0.0, pitch=radians(30.0), yaw=0.0
     )
-    hear(talk, pose, 1.0, BRIDGE)
+    receive(talk, pose, 1.0, BRIDGE)
     assert talk.sources.attitude is not None
     w, x, y, z = talk.sources.attitude
     assert degrees(asin(2.0 * (w * y - z * x))) == pytest.approx(30.0)

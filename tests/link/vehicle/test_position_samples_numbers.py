@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_sensor_samples import BRIDGE, HOME, hear, session
+from test_sensor_samples import BRIDGE, HOME, receive, session
 
 from tgl_soar.geometry import quaternion_from_euler
 from tgl_soar.link.messages import (
@@ -53,7 +53,7 @@ def found(talk: Session) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 def test_a_local_position_is_in_metres_already_and_its_accuracy_is_not_known() -> None:
     talk = of(LOCAL_POSITION)
-    hear(talk, PLACE, 5.0)
+    receive(talk, PLACE, 5.0)
     assert found(talk) == ((1.0, 2.0, -3.0), (4.0, 5.0, -6.0))
     assert talk.position.source == LOCAL_POSITION
     assert isnan(talk.position.sigma_m)
@@ -70,11 +70,11 @@ def test_a_place_that_is_no_number_on_any_axis_is_counted(
     talk = of(source)
     change: dict[str, Any] = {axis: broken}
     if source == LOCAL_POSITION:
-        hear(talk, PLACE._replace(**change), 5.0)
+        receive(talk, PLACE._replace(**change), 5.0)
     elif source == VISION:
-        hear(talk, SEEN._replace(**change), 5.0, BRIDGE)
+        receive(talk, SEEN._replace(**change), 5.0, BRIDGE)
     else:
-        hear(talk, ODOMETRY_EAST._replace(**change), 5.0)
+        receive(talk, ODOMETRY_EAST._replace(**change), 5.0)
     assert talk.counters.not_finite == 1
     assert (talk.position.sequence, talk.counters.positions) == (0, 0)
 
@@ -91,7 +91,7 @@ def test_a_global_one_has_ten_millionths_of_degrees_millimetres_and_centimetres(
         vy=-50,
         vz=6,
     )
-    hear(talk, place, 5.0)
+    receive(talk, place, 5.0)
     (north_m, east_m, down_m), velocity = found(talk)
     assert (north_m, east_m) == pytest.approx((111.3, -68.7), abs=0.1)
     assert down_m == pytest.approx(-12.0, abs=0.01)
@@ -123,7 +123,7 @@ def test_a_hundred_kilometres_from_home_is_no_place_of_this_flight(
         vy=0,
         vz=0,
     )
-    hear(talk, place, 5.0)
+    receive(talk, place, 5.0)
     assert talk.counters.far == is_far
     assert talk.position.sequence == (not is_far)
     where = f"{HOME.latitude_deg + north:.4f}, {HOME.longitude_deg + east:.4f}"
@@ -134,7 +134,7 @@ def test_a_hundred_kilometres_from_home_is_no_place_of_this_flight(
 
 def test_without_a_home_a_global_one_is_nowhere() -> None:
     talk = session(sources=PositionSources((GLOBAL_POSITION,)))
-    hear(talk, GlobalPositionInt(time_boot_ms=1000, lat=0, lon=0, alt=0, vx=0, vy=0, vz=0), 5.0)
+    receive(talk, GlobalPositionInt(time_boot_ms=1000, lat=0, lon=0, alt=0, vx=0, vy=0, vz=0), 5.0)
     assert (talk.position.sequence, talk.counters.far) == (0, 0)
 
 
@@ -152,7 +152,7 @@ def test_odometry_s_velocity_is_in_the_frame_that_it_says(
     frame: int, child: int, velocity: tuple[float, float, float]
 ) -> None:
     talk = of(ODOMETRY)
-    hear(talk, ODOMETRY_EAST._replace(frame_id=frame, child_frame_id=child), 5.0)
+    receive(talk, ODOMETRY_EAST._replace(frame_id=frame, child_frame_id=child), 5.0)
     place, speed = found(talk)
     assert place == (1.0, 2.0, -3.0)
     assert speed == pytest.approx(velocity)
@@ -168,7 +168,7 @@ def test_other_frames_are_counted_and_reported_once(frame: int, child: int) -> N
     talk = of(ODOMETRY)
     for i in range(2):
         message = ODOMETRY_EAST._replace(time_usec=1_000_000 + 20_000 * i)
-        hear(talk, message._replace(frame_id=frame, child_frame_id=child), 5.0 + 0.02 * i)
+        receive(talk, message._replace(frame_id=frame, child_frame_id=child), 5.0 + 0.02 * i)
     assert talk.counters.wrong_frame == 2
     assert talk.position.sequence == 0
     reported = [text for _, text in talk.notices if "ODOMETRY in frames" in text]
@@ -179,7 +179,7 @@ def test_other_frames_are_counted_and_reported_once(frame: int, child: int) -> N
 
 def test_without_a_rotation_the_place_is_known_and_the_velocity_is_not() -> None:
     talk = of(ODOMETRY)
-    hear(talk, ODOMETRY_EAST._replace(q=(nan, 0.0, 0.0, 0.0)), 5.0)
+    receive(talk, ODOMETRY_EAST._replace(q=(nan, 0.0, 0.0, 0.0)), 5.0)
     place, speed = found(talk)
     assert place == (1.0, 2.0, -3.0)
     assert all(map(isnan, speed))
@@ -188,7 +188,7 @@ def test_without_a_rotation_the_place_is_known_and_the_velocity_is_not() -> None
 
 def test_a_bridge_s_velocity_is_not_known() -> None:
     talk = of(VISION)
-    hear(talk, SEEN._replace(covariance=COVARIANCE), 5.0, BRIDGE)
+    receive(talk, SEEN._replace(covariance=COVARIANCE), 5.0, BRIDGE)
     place, speed = found(talk)
     assert place == (1.0, 2.0, -3.0)
     assert all(map(isnan, speed))
@@ -198,25 +198,25 @@ def test_a_bridge_s_velocity_is_not_known() -> None:
 @pytest.mark.parametrize(("source", "reckoned"), [(LOCAL_POSITION, True), (VISION, False)])
 def test_what_the_autopilot_reckons_is_its_own_position_alone(source: int, reckoned: bool) -> None:
     talk = of(source)
-    hear(talk, EkfStatusReport(0), 4.9)
+    receive(talk, EkfStatusReport(0), 4.9)
     if source == LOCAL_POSITION:
-        hear(talk, PLACE, 5.0)
+        receive(talk, PLACE, 5.0)
     else:
-        hear(talk, SEEN, 5.0, BRIDGE)
+        receive(talk, SEEN, 5.0, BRIDGE)
     assert talk.position.reckoned is reckoned
 
 
 def test_in_lockstep_the_vehicle_s_newest_stamp_is_the_time() -> None:
     """Whatever our own clock shows."""
     talk = of(LOCAL_POSITION, lockstep=True)
-    hear(talk, PLACE, 5000.0)
+    receive(talk, PLACE, 5000.0)
     assert (talk.position.sequence, talk.position.time_s) == (1, 1.0)
     attitude = AttitudeQuaternion(
         time_boot_ms=2950, q1=1, q2=0, q3=0, q4=0, rollspeed=0, pitchspeed=0, yawspeed=0
     )
-    hear(talk, attitude, 5000.0)
-    hear(talk, PLACE._replace(time_boot_ms=1900), 5000.0)  # of more than a second before
+    receive(talk, attitude, 5000.0)
+    receive(talk, PLACE._replace(time_boot_ms=1900), 5000.0)  # of more than a second before
     assert talk.position.sequence == 1
     assert talk.sources.health[LOCAL_POSITION].late == 1
-    hear(talk, PLACE._replace(time_boot_ms=2000), 5000.0)
+    receive(talk, PLACE._replace(time_boot_ms=2000), 5000.0)
     assert (talk.position.sequence, talk.position.time_s) == (2, 2.0)

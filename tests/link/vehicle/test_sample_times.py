@@ -44,7 +44,7 @@ class Vehicle:
         """What comes now was true a little earlier."""
         return round(1e3 * (self.now_s - DELAY_S + self.ahead_s + ahead_s)) % 2**32
 
-    def hear(self, message: int = ATTITUDE, ahead_s: float = 0.0) -> float | None:
+    def receive(self, message: int = ATTITUDE, ahead_s: float = 0.0) -> float | None:
         """The age of a sample that comes now; None: it is not taken."""
         times = self.times.of_milliseconds(message, self.stamp_ms(ahead_s), self.now_s)
         return None if times is None else self.now_s - times[0]
@@ -55,10 +55,10 @@ class Vehicle:
         for count in range(round(for_s / STEP_S)):
             self.now_s += STEP_S
             if count % 5 == 0:
-                self.hear(POSITION)
-            age_s = self.hear()
+                self.receive(POSITION)
+            age_s = self.receive()
             if also_ahead_s is not None:
-                self.hear(ahead_s=also_ahead_s)
+                self.receive(ahead_s=also_ahead_s)
             self.times.poll(self.now_s)
         return age_s
 
@@ -82,7 +82,7 @@ def test_a_sample_that_was_longer_on_its_way_is_as_old_as_that() -> None:
     vehicle = Vehicle()
     vehicle.run(3.0)
     vehicle.now_s += STEP_S + 0.15
-    assert vehicle.hear(ahead_s=-0.15) == pytest.approx(0.15, abs=0.001)
+    assert vehicle.receive(ahead_s=-0.15) == pytest.approx(0.15, abs=0.001)
     assert vehicle.counters == SessionCounters()
     assert vehicle.notices == []
 
@@ -183,14 +183,14 @@ def test_in_lockstep_stamps_are_the_time() -> None:
 def test_a_sample_that_comes_twice_is_stale() -> None:
     vehicle = Vehicle()
     vehicle.run(1.0)
-    assert vehicle.hear() is None
+    assert vehicle.receive() is None
     assert (vehicle.counters.stale, vehicle.counters.other_clock) == (1, 0)
 
 
 def test_a_stamp_that_is_ahead_is_of_another_clock_and_not_stale() -> None:
     vehicle = Vehicle()
     vehicle.run(1.0)
-    assert vehicle.hear(ahead_s=5.0) is None
+    assert vehicle.receive(ahead_s=5.0) is None
     assert (vehicle.counters.stale, vehicle.counters.other_clock) == (0, 1)
     assert vehicle.notices == []  # one alone is an error of the line
 
@@ -274,7 +274,7 @@ def test_two_autopilots_under_one_name_are_reported_and_neither_is_flown_with() 
     vehicle = Vehicle()
     vehicle.run(2.0)
     vehicle.run(2.0, also_ahead_s=-20.0)
-    assert vehicle.hear() is None
+    assert vehicle.receive() is None
     words = "two autopilots are 1:1, one 20.0 s behind the other: neither is flown with"
     assert vehicle.reported("two autopilots") == [(SEVERITY_ERROR, words)]
     assert vehicle.reported("only one") == []
@@ -313,7 +313,7 @@ def test_what_is_not_taken_stays_so_while_there_is_a_queue() -> None:
     vehicle = Vehicle()
     vehicle.run(1.0)
     vehicle.times.take_queue(QUEUE_S, vehicle.now_s)
-    assert vehicle.hear() is None
+    assert vehicle.receive() is None
     assert vehicle.counters.stale == 1
 
 

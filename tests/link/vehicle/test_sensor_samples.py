@@ -70,7 +70,7 @@ def session(flavour: type[ArduPilot] = ArduPilot, **options: Any) -> Session:
     talk = Session(
         SessionOptions(own=OWN, flavour=flavour(CHANNELS, 1), loop_rate_hz=200.0, **options)
     )
-    hear(
+    receive(
         talk,
         Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=4),
         0.0,
@@ -78,7 +78,7 @@ def session(flavour: type[ArduPilot] = ArduPilot, **options: Any) -> Session:
     return talk
 
 
-def hear(talk: Session, message: Inbound, now_s: float, source: Source = AUTOPILOT) -> None:
+def receive(talk: Session, message: Inbound, now_s: float, source: Source = AUTOPILOT) -> None:
     talk.handle(Received(source, message), now_s)
 
 
@@ -147,7 +147,7 @@ def test_accelerations_and_rates_in_si_units(
     message: Any, force: tuple[float, ...], rates: tuple[float, ...] | None
 ) -> None:
     talk = session()
-    hear(talk, message, 5.0)
+    receive(talk, message, 5.0)
     assert talk.imu.sequence == 1
     assert talk.imu.time_s == pytest.approx(5.0)
     assert talk.imu[2:5] == pytest.approx(force)
@@ -169,7 +169,7 @@ def test_accelerations_and_rates_in_si_units(
 )
 def test_what_no_accelerometer_measures_is_counted_and_not_used(message: Any) -> None:
     talk = session()
-    hear(talk, message, 5.0)
+    receive(talk, message, 5.0)
     assert talk.imu == NO_IMU
     assert talk.counters.no_measurement == 1
 
@@ -177,8 +177,8 @@ def test_what_no_accelerometer_measures_is_counted_and_not_used(message: Any) ->
 @pytest.mark.parametrize("rate", [nan, inf, 1e6])
 def test_broken_gyros_leave_the_accelerometers(rate: float) -> None:
     talk = session()
-    hear(talk, highres(1_000_000)._replace(xgyro=rate), 5.0)
-    hear(talk, highres(1_010_000, updated=0b111), 5.01)
+    receive(talk, highres(1_000_000)._replace(xgyro=rate), 5.0)
+    receive(talk, highres(1_010_000, updated=0b111), 5.01)
     assert talk.imu.sequence == 2
     assert all(isnan(r) for r in talk.imu[5:8])
 
@@ -186,12 +186,12 @@ def test_broken_gyros_leave_the_accelerometers(rate: float) -> None:
 def test_two_inertial_messages_do_not_mix() -> None:
     talk = session()
     for i in range(100):
-        hear(
+        receive(
             talk,
             RawImu(time_usec=i * 5000, xacc=100, yacc=0, zacc=-1000, xgyro=0, ygyro=0, zgyro=0),
             i * 0.005,
         )
-        hear(
+        receive(
             talk,
             ScaledImu(
                 message_id=116,
@@ -206,7 +206,7 @@ def test_two_inertial_messages_do_not_mix() -> None:
             i * 0.005,
         )
         assert talk.imu.force_x_frd_mps2 == pytest.approx(0.1 * G)
-    hear(
+    receive(
         talk,
         ScaledImu(
             message_id=116,
@@ -233,7 +233,7 @@ def test_another_message_is_asked_for_where_the_usual_one_is_refused() -> None:
                 ack = CommandAck(
                     command=511, result=3 if refused else 0, target_system=1, target_component=191
                 )
-                hear(talk, ack, i * 0.01)
+                receive(talk, ack, i * 0.01)
     assert asked.count(27.0) == 1
     assert 26.0 in asked
 
@@ -251,18 +251,18 @@ def test_the_airframe_file_says_which_message_or_none(imu: int, wanted: set[floa
 
 def test_the_airspeed_of_the_hud_is_taken_only_with_a_healthy_pitot() -> None:
     talk = session()
-    hear(talk, VfrHud(9.0, 0.0), 1.0)
+    receive(talk, VfrHud(9.0, 0.0), 1.0)
     for present, health in ((16, 0), (0, 16)):
-        hear(talk, SysStatus(present, health), 1.0)
-        hear(talk, VfrHud(9.0, 0.0), 1.0)
+        receive(talk, SysStatus(present, health), 1.0)
+        receive(talk, VfrHud(9.0, 0.0), 1.0)
     assert talk.airspeed == NO_AIRSPEED
-    hear(talk, SysStatus(16 | 32, 16), 1.0)
-    hear(talk, VfrHud(9.0, 0.0), 1.1)
+    receive(talk, SysStatus(16 | 32, 16), 1.0)
+    receive(talk, VfrHud(9.0, 0.0), 1.1)
     assert talk.airspeed == (1, 1.1, 9.0)
-    hear(talk, VfrHud(9.0, 2000.0), 1.2)  # thin air: 22 % less density
+    receive(talk, VfrHud(9.0, 2000.0), 1.2)  # thin air: 22 % less density
     assert talk.airspeed.airspeed_mps == pytest.approx(9.0 / sqrt(0.8217), rel=1e-3)
     for broken in (nan, -1.0, inf, 1e9):
-        hear(talk, VfrHud(broken, 0.0), 1.3)
+        receive(talk, VfrHud(broken, 0.0), 1.3)
     assert talk.airspeed.sequence == 2
 
 
@@ -271,10 +271,10 @@ def test_the_differential_pressure_is_a_pitot_s_only_where_the_firmware_means_it
     """0.5 hPa in standard air: sqrt(2 * 50 / 1.225) = 9.04 m/s."""
     for flavour, taken in ((ArduPilot, False), (Px4Like, True)):
         talk = session(flavour)
-        hear(talk, highres(1_000_000), 5.0)
+        receive(talk, highres(1_000_000), 5.0)
         assert (talk.airspeed.sequence == 1) == taken
     assert talk.airspeed.airspeed_mps == pytest.approx(9.035, abs=0.01)
-    hear(talk, highres(1_010_000, updated=0x3F), 5.01)  # no new one
+    receive(talk, highres(1_010_000, updated=0x3F), 5.01)  # no new one
     wrong: list[dict[str, float]] = [
         {"diff_pressure": nan},
         {"abs_pressure": 0.0},
@@ -283,9 +283,9 @@ def test_the_differential_pressure_is_a_pitot_s_only_where_the_firmware_means_it
         {"temperature": nan},
     ]
     for i, fields in enumerate(wrong):
-        hear(talk, highres(1_020_000 + 10_000 * i, ALL_UPDATED, **fields), 5.02)
+        receive(talk, highres(1_020_000 + 10_000 * i, ALL_UPDATED, **fields), 5.02)
     assert talk.airspeed.sequence == 1
-    hear(talk, highres(2_000_000, diff_pressure=-0.01), 6.0)  # noise at rest
+    receive(talk, highres(2_000_000, diff_pressure=-0.01), 6.0)  # noise at rest
     assert talk.airspeed.airspeed_mps == 0.0
 
 
@@ -304,12 +304,12 @@ def test_outputs_are_read_back_as_they_were_put(value: float, is_reversed: bool)
 def test_the_surfaces_come_from_the_outputs_of_the_first_port() -> None:
     talk = session()
     outputs = (1900, 1900, 0, 0, *(1500,) * 12)
-    hear(talk, ServoOutputRaw(1_000_000, 1, outputs), 1.0)
+    receive(talk, ServoOutputRaw(1_000_000, 1, outputs), 1.0)
     assert talk.surfaces == NO_SURFACES
-    hear(talk, ServoOutputRaw(1_000_000, 0, outputs), 1.0)
+    receive(talk, ServoOutputRaw(1_000_000, 0, outputs), 1.0)
     assert talk.surfaces[:4] == (1, 1.0, -1.0, 1.0)
     assert isnan(talk.surfaces.rudder)  # an output of 0 is not driven
-    hear(talk, ServoOutputRaw(1_020_000, 0, (65535, 1, 0, 1655, *(0,) * 12)), 1.02)
+    receive(talk, ServoOutputRaw(1_020_000, 0, (65535, 1, 0, 1655, *(0,) * 12)), 1.02)
     assert talk.surfaces[2:5] == pytest.approx((1.0, 1.0, 0.5))
     assert isnan(talk.surfaces.brake)  # there is none
 
@@ -317,7 +317,7 @@ def test_the_surfaces_come_from_the_outputs_of_the_first_port() -> None:
 def test_a_failsafe_and_a_restart_are_in_the_status() -> None:
     talk = session()
     for state, failsafe in ((4, False), (5, True), (6, True), (3, False)):
-        hear(
+        receive(
             talk,
             Heartbeat(type=1, autopilot=3, base_mode=81 | 128, custom_mode=0, system_status=state),
             1.0,
@@ -325,7 +325,7 @@ def test_a_failsafe_and_a_restart_are_in_the_status() -> None:
         assert talk.status.failsafe == failsafe
     assert talk.status.boots == 0
     for i in range(10):
-        hear(
+        receive(
             talk,
             RawImu(
                 time_usec=60_000_000 + i * 5000,
@@ -339,7 +339,7 @@ def test_a_failsafe_and_a_restart_are_in_the_status() -> None:
             1.0 + i * 0.005,
         )
     for i in range(5):
-        hear(
+        receive(
             talk,
             RawImu(
                 time_usec=1_000_000 + i * 5000,
@@ -353,7 +353,7 @@ def test_a_failsafe_and_a_restart_are_in_the_status() -> None:
             3.0 + i * 0.005,
         )
     assert talk.status.boots == talk.counters.reboots == 1
-    hear(talk, Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 4.0)
+    receive(talk, Heartbeat(type=1, autopilot=3, base_mode=81, custom_mode=0, system_status=4), 4.0)
     assert talk.status.boots == 1
 
 
@@ -401,7 +401,7 @@ def test_whatever_comes_samples_are_finite_and_only_of_whom_is_accepted(
         for message, source, step_s in messages:
             now += step_s
             before = talk.imu, talk.airspeed, talk.surfaces, talk.position
-            hear(talk, message, now, source)
+            receive(talk, message, now, source)
             after = talk.imu, talk.airspeed, talk.surfaces, talk.position
             if source in (STRANGER, OWN):
                 assert after == before or repr(after) == repr(before)
@@ -488,7 +488,7 @@ DOWN = DistanceSensor(
 )
 def test_what_is_no_distance_to_the_ground_below_is_refused(fields: dict[str, int]) -> None:
     talk = session()
-    hear(talk, DOWN._replace(**fields), 1.0)
+    receive(talk, DOWN._replace(**fields), 1.0)
     assert talk.rangefinder == NO_RANGE
     assert (talk.counters.ranges, talk.counters.no_range) == (0, 1)
 
@@ -496,7 +496,7 @@ def test_what_is_no_distance_to_the_ground_below_is_refused(fields: dict[str, in
 @pytest.mark.parametrize("quality", [0, 2, 100])
 def test_a_distance_to_the_ground_below_is_in_metres(quality: int) -> None:
     talk = session()
-    hear(talk, DOWN._replace(signal_quality=quality), 1.0)
+    receive(talk, DOWN._replace(signal_quality=quality), 1.0)
     assert talk.rangefinder.sequence == 1
     assert talk.rangefinder.range_m == pytest.approx(12.34)
     assert talk.rangefinder.time_s <= 1.0
@@ -505,7 +505,7 @@ def test_a_distance_to_the_ground_below_is_in_metres(quality: int) -> None:
 def test_a_distance_of_another_sender_is_counted_and_ignored() -> None:
     talk = session()
     for source in (STRANGER, BRIDGE, OWN):
-        hear(talk, DOWN, 1.0, source)
+        receive(talk, DOWN, 1.0, source)
     assert talk.rangefinder == NO_RANGE
     assert talk.counters.foreign == 3
 
@@ -515,21 +515,23 @@ def test_of_several_rangefinders_one_is_used_until_it_is_silent() -> None:
     for k in range(4):
         now = 1.0 + 0.05 * k
         stamp = round(1000.0 * now)
-        hear(talk, DOWN._replace(time_boot_ms=stamp), now)
-        hear(talk, DOWN._replace(time_boot_ms=stamp, id=1, current_distance=900), now)
+        receive(talk, DOWN._replace(time_boot_ms=stamp), now)
+        receive(talk, DOWN._replace(time_boot_ms=stamp, id=1, current_distance=900), now)
         assert talk.rangefinder.range_m == pytest.approx(12.34)
     for k in range(13):
         now = 1.2 + 0.05 * k
-        hear(talk, DOWN._replace(time_boot_ms=round(1000 * now), id=1, current_distance=900), now)
+        receive(
+            talk, DOWN._replace(time_boot_ms=round(1000 * now), id=1, current_distance=900), now
+        )
     assert talk.rangefinder.range_m == pytest.approx(9.0)
     assert talk.counters.stale == 0
 
 
 def test_a_distance_that_comes_again_or_late_is_no_new_one() -> None:
     talk = session()
-    hear(talk, DOWN, 1.0)
-    hear(talk, DOWN, 1.05)
-    hear(talk, DOWN._replace(time_boot_ms=900), 1.1)
+    receive(talk, DOWN, 1.0)
+    receive(talk, DOWN, 1.05)
+    receive(talk, DOWN._replace(time_boot_ms=900), 1.1)
     assert talk.rangefinder.sequence == 1
 
 

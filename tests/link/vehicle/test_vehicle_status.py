@@ -39,7 +39,7 @@ class NotedStatus:
         ledger = Ledger(self.counters, self.notices, StreamRequests(1))
         self.known = VehicleStatus(flavour("ardupilot", "override", CHANNELS, 1), ledger)
 
-    def hear(self, now_s: float, **fields: Any) -> None:
+    def receive(self, now_s: float, **fields: Any) -> None:
         self.known.on_heartbeat(BEAT._replace(**fields), now_s)
 
 
@@ -56,12 +56,12 @@ def test_before_the_first_nothing_is_known() -> None:
 
 def test_a_heartbeat_says_its_mode_its_time_and_whether_it_is_armed() -> None:
     vehicle = NotedStatus()
-    vehicle.hear(12.0, base_mode=ARMED)
+    vehicle.receive(12.0, base_mode=ARMED)
     status = vehicle.known.status
     assert vehicle.known.is_known
     assert (status.time_s, status.armed, status.accepts_surfaces) == (12.0, True, True)
     assert not status.failsafe
-    vehicle.hear(13.0, custom_mode=FBWA)
+    vehicle.receive(13.0, custom_mode=FBWA)
     status = vehicle.known.status
     assert vehicle.known.custom_mode == FBWA
     assert (status.time_s, status.armed, status.accepts_surfaces) == (13.0, False, False)
@@ -74,8 +74,8 @@ def test_a_heartbeat_says_its_mode_its_time_and_whether_it_is_armed() -> None:
 )
 def test_a_heartbeat_of_no_autopilot_says_nothing(other: dict[str, int]) -> None:
     vehicle = NotedStatus()
-    vehicle.hear(1.0, custom_mode=FBWA)
-    vehicle.hear(2.0, **other)
+    vehicle.receive(1.0, custom_mode=FBWA)
+    vehicle.receive(2.0, **other)
     assert vehicle.known.custom_mode == FBWA
     assert vehicle.known.status.time_s == 1.0
     assert vehicle.counters.heartbeats == 1
@@ -84,26 +84,26 @@ def test_a_heartbeat_of_no_autopilot_says_nothing(other: dict[str, int]) -> None
 def test_another_firmware_accepts_nothing_and_is_reported_once_as_an_error() -> None:
     vehicle = NotedStatus()
     for now_s in (1.0, 2.0):
-        vehicle.hear(now_s, autopilot=mavlink.MAV_AUTOPILOT_PX4)
+        vehicle.receive(now_s, autopilot=mavlink.MAV_AUTOPILOT_PX4)
     assert not vehicle.known.status.accepts_surfaces
     ((severity, words),) = vehicle.notices
     assert severity == mavlink.MAV_SEVERITY_ERROR
     assert words == vehicle.known.mismatch
     assert "MAV_AUTOPILOT 12, not 3" in words
-    vehicle.hear(3.0)  # the right one: nothing is reported
+    vehicle.receive(3.0)  # the right one: nothing is reported
     assert vehicle.known.mismatch == ""
     assert vehicle.known.status.accepts_surfaces
     assert len(vehicle.notices) == 1
-    vehicle.hear(4.0, autopilot=mavlink.MAV_AUTOPILOT_PX4)
+    vehicle.receive(4.0, autopilot=mavlink.MAV_AUTOPILOT_PX4)
     assert len(vehicle.notices) == 2
 
 
 def test_restarts_are_counted_from_its_next_word_on_or_when_they_are_noticed() -> None:
     vehicle = NotedStatus()
-    vehicle.hear(1.0)
+    vehicle.receive(1.0)
     assert vehicle.known.status.boots == 0
     vehicle.counters.reboots = 1
-    vehicle.hear(2.0)
+    vehicle.receive(2.0)
     assert vehicle.known.status.boots == 1
     vehicle.counters.reboots = 2
     vehicle.known.restarted()
@@ -112,7 +112,7 @@ def test_restarts_are_counted_from_its_next_word_on_or_when_they_are_noticed() -
 
 def test_a_clock_that_is_changed_is_the_heartbeat_s_too() -> None:
     vehicle = NotedStatus()
-    vehicle.hear(1000.0, base_mode=ARMED)
+    vehicle.receive(1000.0, base_mode=ARMED)
     vehicle.known.rebase(3.0)
     assert vehicle.known.status.time_s == 3.0
     assert vehicle.known.status.armed
@@ -124,5 +124,5 @@ def test_a_clock_that_is_changed_is_the_heartbeat_s_too() -> None:
 )
 def test_a_failsafe_that_it_reports_is_known(state: int, failsafe: bool) -> None:
     vehicle = NotedStatus()
-    vehicle.hear(1.0, system_status=state)
+    vehicle.receive(1.0, system_status=state)
     assert vehicle.known.status.failsafe is failsafe

@@ -60,7 +60,7 @@ class LoggedFlight:
             step = round(now_s * world.step_hz)
             ms = round(now_s * 1e3)
             if step % round(world.step_hz) == 0:
-                self.hear(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
+                self.receive(mavlink.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3))
             if step == round(ENGAGED_S * world.step_hz):
                 self.set("OP_ENGAGE", 1.0)
             if step == round(MOVED_S * world.step_hz):
@@ -68,28 +68,30 @@ class LoggedFlight:
             at = world.position
             if at.sequence != self._position:
                 self._position = at.sequence
-                self.hear(
+                self.receive(
                     mavlink.MAVLink_local_position_ned_message(
                         ms,
                         *(at.north_m, at.east_m, at.down_m),
                         *(at.velocity_north_mps, at.velocity_east_mps, at.velocity_down_mps),
                     )
                 )
-            self.hear(mavlink.MAVLink_attitude_quaternion_message(ms, *world.attitude[2:]))
+            self.receive(mavlink.MAVLink_attitude_quaternion_message(ms, *world.attitude[2:]))
             output = onboard.output
             if output is not None and output.active:
                 world.held = False
                 command = output.command
             world.step(command)
 
-    def hear(self, message: Any, *, station: bool = False) -> None:
+    def receive(self, message: Any, *, station: bool = False) -> None:
         sender = self._station if station else self._vehicle
         frame = message.pack(sender)
         sender.seq = (sender.seq + 1) % 256
         self.onboard.event(bytes(frame), self.world.time_s)
 
     def set(self, name: str, value: float) -> None:
-        self.hear(mavlink.MAVLink_param_set_message(1, 191, name.encode(), value, 9), station=True)
+        self.receive(
+            mavlink.MAVLink_param_set_message(1, 191, name.encode(), value, 9), station=True
+        )
 
 
 def recorded(folder: Path, seconds: float = 4.0, **options: Any) -> Path:

@@ -170,7 +170,7 @@ def test_a_key_on_the_wire_is_not_written_down(tmp_path: Path) -> None:
     recorder = FlightRecorder(tmp_path, METADATA, 0.0)
     recorder.start()
     flight = LoggedFlight(recorder)
-    flight.hear(mavlink.MAVLink_setup_signing_message(1, 191, key, 0), station=True)
+    flight.receive(mavlink.MAVLink_setup_signing_message(1, 191, key, 0), station=True)
     flight.run(0.1)
     recorder.stop()
     (wire,) = logs_in(tmp_path, "tlog")
