@@ -164,7 +164,7 @@ def test_what_is_not_known_is_nought_and_what_is_out_of_range_is_at_its_edge() -
         assert env._observation().tolist() == pytest.approx(expected)
 
 
-def test_what_is_told_beside_it_is_the_true_place_the_time_and_the_mode() -> None:
+def test_what_is_reported_beside_it_is_the_true_place_the_time_and_the_mode() -> None:
     env = plain("line")
     env.goal = (0.5, 1.75)
     env._steps = 41

@@ -146,7 +146,7 @@ def test_the_lowest_floor_is_under_the_topmost_air_that_has_no_gap() -> None:
         lowest_floor(Known(lambda _x, _z: False), (0.0, 3.0, 0.0, 3.0), 0.5)
 
 
-def test_columns_and_heights_are_five_centimetres_apart_unless_it_is_told() -> None:
+def test_columns_and_heights_are_five_centimetres_apart_by_default() -> None:
     floor = lowest_floor(Known(lambda _x, z: z > 0.12), (0.0, 1.0, 0.0, 0.3))
     assert np.diff([x for x, _ in floor]) == pytest.approx(0.05)
     assert [z for _, z in floor] == pytest.approx([0.15] * 21)

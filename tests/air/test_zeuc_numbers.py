@@ -260,7 +260,7 @@ def test_the_stable_crossing_nearest_to_the_lines_point_is_taken() -> None:
 
 
 @pytest.mark.parametrize(("away_m", "found"), [(3.98, True), (4.02, False)])
-def test_a_line_reaches_four_metres_unless_it_is_told(away_m: float, found: bool) -> None:
+def test_a_line_reaches_four_metres_by_default(away_m: float, found: bool) -> None:
     field = plane(0.0, -1.0)
     for side in (-1.0, 1.0):
         line = (0.0, side * away_m, UP)

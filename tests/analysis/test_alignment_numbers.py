@@ -147,7 +147,7 @@ def test_another_tolerance_is_allowed() -> None:
     assert "0.051 m rms, 0.05 m is allowed" in why(saddle(0.051), tolerance_m=0.05)
 
 
-def test_the_worst_point_is_told_by_its_number_and_how_far_it_is_off() -> None:
+def test_the_worst_point_is_reported_by_its_number_and_how_far_it_is_off() -> None:
     """Of four corners one 0.4 m too far down: three quarters of it stay with it, level."""
     for worst in range(4):
         given = pairs(SQUARE)

@@ -95,7 +95,7 @@ def test_banked_or_stalled_manoeuvres_are_not_used() -> None:
     assert len(manoeuvres(replace(log(), path_angle_rad=stalled))) == DOUBLETS - 1
 
 
-def test_without_accelerometers_it_is_less_sure_and_still_right() -> None:
+def test_without_accelerometers_the_uncertainty_is_larger_and_still_right() -> None:
     model, body = truth()
     result = identify(replace(log(), lift_force_mps2=None), body)
     assert result.frequency.value == pytest.approx(

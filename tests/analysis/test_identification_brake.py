@@ -68,7 +68,7 @@ def test_from_glides_with_it_and_without(seed: int) -> None:
     check(identify(log, BODY))
 
 
-def test_without_accelerometers_it_is_less_sure() -> None:
+def test_without_accelerometers_the_uncertainty_is_larger() -> None:
     log = longitudinal(flown(SEEDS[0], PULSES), WIND)
     found = identify(replace(log, lift_force_mps2=None), BODY)
     assert found["CL_brake"].value == pytest.approx(PLANE.model["CL_brake"], rel=0.25)

@@ -204,7 +204,7 @@ def test_the_delay_is_not_better_known_than_the_sticks_samples_tell_it() -> None
     assert rare**2 - fine**2 == pytest.approx((rare_s**2 - STEP_S**2) / 12.0, rel=1e-6)
 
 
-def test_constant_errors_of_measurements_are_told_from_the_aircraft() -> None:
+def test_constant_errors_of_measurements_are_separated_from_the_aircraft() -> None:
     """Of rate and lift wholly; an angle of attack askew is another wing's, with the same slopes."""
     log, askew = flown(), 0.01
     assert log.lift_force_mps2 is not None

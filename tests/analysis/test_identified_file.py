@@ -93,7 +93,7 @@ def test_all_else_of_the_file_stays_as_it_is() -> None:
     assert text.endswith("\n\n[polar]\nc0 = 1.0\n# a comment\n\n[parameters]\nCL0 = 7.0\n")
 
 
-def test_of_the_brake_what_was_told_is_put_in_place_or_added() -> None:
+def test_of_the_brake_what_was_identified_is_put_in_place_or_added() -> None:
     """A file need not have it."""
     text = with_identified(FILE, "mine.toml", identified(brake=True), NO_GLIDES)
     model = table(text, "model")

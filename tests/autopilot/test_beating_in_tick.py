@@ -116,7 +116,7 @@ def test_without_leave_it_does_not() -> None:
     assert BEATING not in [mode for mode, _ in flown.modes]
 
 
-def test_it_beats_when_told_and_is_back_when_told() -> None:
+def test_it_beats_when_commanded_and_is_back_when_commanded() -> None:
     flown = Flown(*hill(2, steady_mps=7.0, BEAT_AUTO=0.0)).fly(10.0)
     flown.loop.change({"BEAT_START": 1.0})
     flown.fly(25.0)

@@ -225,7 +225,7 @@ def test_disarming_begins_another_flight() -> None:
     assert output.throttle.used_s == 0.0
 
 
-def test_it_is_told_why_it_opens_what_was_used_and_that_nothing_is_left() -> None:
+def test_it_is_reported_why_it_opens_what_was_used_and_that_nothing_is_left() -> None:
     reporter = PowerWords()
     outputs, _, _ = flown(1.5, 30.0)
     words = [text for output in outputs for _, text in reporter.look(output)]

@@ -48,7 +48,7 @@ def test_on_a_steep_path_each_does_some_of_either() -> None:
 
 
 @pytest.mark.parametrize("unknown", [NO_AIR, air(nan, nan), air(0.1, 0.1, nan)])
-def test_what_is_not_known_is_not_sure(unknown: AirEstimate) -> None:
+def test_what_is_not_known_is_uncertain(unknown: AirEstimate) -> None:
     assert not stall_uncertainty(unknown, 0.0) <= STALL_UNCERTAINTY_MAX_RAD
 
 

@@ -61,7 +61,9 @@ def test_nothing_is_resumed_where_nothing_was_flown(command: Command, tmp_path: 
     assert flown == []
 
 
-def test_a_pipe_is_told_how_far_it_is_every_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_is_reported_to_a_pipe_every_half_minute(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     now = [100.0]
     lines = FlightLines("faults", clock=lambda: now[0])
     for seconds, done in ((0.0, 1), (29.9, 50), (30.0, 60), (59.0, 90), (60.1, 120)):
@@ -175,5 +177,5 @@ def test_a_drop_out_that_is_lost_is_trouble_like_any_flight() -> None:
 @pytest.mark.parametrize(
     ("seconds", "words"), [(42.3, "42 s"), (89.6, "90 s"), (180.0, "3 min"), (4800.0, "1 h 20 min")]
 )
-def test_time_left_as_somebody_says_it(seconds: float, words: str) -> None:
+def test_time_left_is_in_the_words_of_a_person(seconds: float, words: str) -> None:
     assert duration(seconds) == words

@@ -84,7 +84,7 @@ def test_the_firmware_is_not_said_to_be_another_one(tmp_path: Path, firmware: st
     assert "on the aircraft" not in line
 
 
-def test_whoever_has_another_aircraft_is_told_all_that_is_another(folder: Path) -> None:
+def test_for_another_aircraft_all_that_is_another_is_listed(folder: Path) -> None:
     """Its mass alone would leave inertias, moments and gains of the shipped one."""
     step = (folder / "README.md").read_text().partition("## 2.")[2].partition("## 3.")[0]
     for word in ("`name`", "span", "inertia", "`[model]`", "`[polar]`", "gains", "`[contour]`"):

@@ -72,7 +72,7 @@ def run(*words: object) -> tuple[int, str]:
     (0.4, "0 s"), (89.9, "90 s"), (90.0, "2 min"), (150.0, "2 min"), (3569.0, "59 min"),
     (3571.0, "1 h 0 min"), (4800.0, "1 h 20 min"), (7200.0, "2 h 0 min"), (90_000.0, "25 h 0 min"),
 ])  # fmt: skip
-def test_time_left_as_somebody_says_it_who_waits(seconds: float, words: str) -> None:
+def test_time_left_is_in_the_words_of_a_person_who_waits(seconds: float, words: str) -> None:
     assert duration(seconds) == words
 
 
@@ -109,7 +109,7 @@ def take_long(job: Slow) -> float:
     return job.seconds
 
 
-def test_who_waits_for_a_first_flight_is_told_why(
+def test_while_a_first_flight_is_waited_for_the_reason_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: Out
 ) -> None:
     monkeypatch.setattr(batch_options, "LINE_S", 0.02)

@@ -407,7 +407,7 @@ def test_the_command_goes_with_the_module(clock: Made) -> None:
     (103.0, None), (103.1, "SILENT: component 191 of system 1: 3 s ago"),
     (142.4, "SILENT: component 191 of system 1: 42 s ago"),
 ])  # fmt: skip
-def test_a_module_that_is_silent_is_told_first(
+def test_a_module_that_is_silent_is_reported_first(
     clock: Made, capsys: Out, at_s: float | None, words: str | None
 ) -> None:
     prompt = clock()
@@ -472,7 +472,7 @@ def test_every_mode_has_its_name(number: float, name: str) -> None:
            "held back (abort, switch, line or set-up; tgl engage says which)"]),
     (float(4 + 16), [f"engaging lacks: {CONDITION_TEXTS[2]}, {CONDITION_TEXTS[4]}"]),
 ])  # fmt: skip
-def test_on_the_ground_it_is_told_what_engaging_lacks(
+def test_on_the_ground_it_is_reported_what_engaging_lacks(
     entry: float | None, words: list[str]
 ) -> None:
     for mode in (0.0, 2.0, 8.0):

@@ -362,7 +362,7 @@ def test_bodies_are_listed_from_the_first_frame_on(monkeypatch: pytest.MonkeyPat
     assert feed.sent == []  # no answer yet: nothing is asked of the server
 
 
-def test_the_server_is_told_twice_a_second_that_somebody_listens(
+def test_the_server_is_sent_a_keep_alive_twice_a_second(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     feed = Streamed(1, [body(7)])

@@ -37,7 +37,7 @@ def test_a_well_set_up_vehicle_is_ready(tmp_path: Path) -> None:
     assert "RC2_TRIM" in text
 
 
-def test_a_badly_set_up_vehicle_is_told_what_to_change(tmp_path: Path) -> None:
+def test_of_a_badly_set_up_vehicle_it_is_reported_what_to_change(tmp_path: Path) -> None:
     wrong_ones = ("RC_OVERRIDE_TIME=3", "SYSID_MYGCS=250", "SERVO2_TRIM=1520")
     with bridge(tmp_path / "log", *wrong_ones, "SCHED_LOOP_RATE=50") as link:
         code, text = preflight(link, "--timeout", "30")

@@ -140,7 +140,9 @@ def test_any_one_thing_that_must_be_changed_is_in_code_and_verdict(
         assert last == "not ready: change what is shown above in red, then run this again"
 
 
-def test_where_nothing_is_in_doubt_the_verdict_is_one_word(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_nothing_is_uncertain_the_verdict_is_one_word(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     assert verdict(monkeypatch, CheckedPart(True), CheckedPart(True), CheckedPart(True)) == (
         0,
         "ready",

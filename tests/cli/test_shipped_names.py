@@ -47,7 +47,7 @@ def test_nothing_else_is_guessed(given: str, tmp_path: Path, monkeypatch: Any) -
     assert site_file(given) == Path(given)
 
 
-def test_who_names_neither_is_told_the_names(tmp_path: Path) -> None:
+def test_a_name_that_is_neither_is_answered_by_the_names(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigError,
         match=r"hil.*by name: hill, tunnel, tunnel_mocap, tunnel_polynomial, tunnel_search$",

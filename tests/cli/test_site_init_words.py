@@ -63,7 +63,7 @@ def run(
     return done, asked
 
 
-def test_a_draft_is_asked_for_in_the_polars_slowest_wind_unless_told(
+def test_a_draft_is_requested_in_the_polars_slowest_wind_unless_given(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     done, asked = run(monkeypatch, tmp_path / "new")

@@ -94,7 +94,7 @@ def test_real_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_what_somebody_else_handles_is_left() -> None:
+def test_a_signal_that_is_handled_elsewhere_is_left() -> None:
     """Ignored by nohup, or taken by a program that calls main; a thread may change nothing."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cli.begin_loading()

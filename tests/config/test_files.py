@@ -426,7 +426,7 @@ def test_a_number_of_five_thousand_digits_is_reported_by_file_and_key(
 
 
 @pytest.mark.parametrize(("wrong", "shown"), [("3.5", "3.5"), ("-1", "-1"), ("true", "true")])
-def test_a_body_that_is_neither_name_nor_id_is_told_what_it_may_be(
+def test_of_a_body_that_is_neither_name_nor_id_the_error_says_what_it_may_be(
     tmp_path: Path, wrong: str, shown: str
 ) -> None:
     text = shipped("sites/tunnel_mocap.toml").read_text()

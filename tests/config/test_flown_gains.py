@@ -56,7 +56,7 @@ def test_seeking_runs_no_code_of_the_folder_that_it_is_started_from(
     assert not (tmp_path / "run").exists()
 
 
-def test_an_aircraft_without_a_short_period_is_told_so() -> None:
+def test_an_aircraft_without_a_short_period_is_reported() -> None:
     """One whose coefficients are all there, and whose polar has no glide that it could have."""
     model = {name: value for name, value in PLANE.model.items() if name not in ("CD0", "CD_lift")}
     sinking = replace(PLANE.polar, c0=30.0, c1=0.0, c2=0.0, c3=0.0)

@@ -102,7 +102,7 @@ def test_straight_flight_tells_nothing() -> None:
     assert error_sigma(NO_AIRSPEED_ERROR) == pytest.approx(SPREAD_MPS)
 
 
-def test_what_was_told_fades() -> None:
+def test_what_was_estimated_fades() -> None:
     woven = flown(16.0, 7.5, 9.3)
     later = flown(3.0, 7.5, 9.3, straight, state=woven)
     assert airspeed_error(later) == pytest.approx(airspeed_error(woven), abs=0.1)  # a final

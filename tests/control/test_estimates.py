@@ -292,7 +292,7 @@ def test_a_tube_that_lies_is_done_without_and_the_wind_begun_again(
     assert found.memory.pitot.lies
 
 
-def test_nor_is_it_believed_because_the_pilot_flies(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nor_is_it_accepted_because_the_pilot_flies(monkeypatch: pytest.MonkeyPatch) -> None:
     """That is no fault: a tube that cannot be accepted again before it flies would never engage."""
     asked = asked_of(monkeypatch, "wind_step")
     memory = KNOWN._replace(pitot=NO_PITOT_WATCH._replace(lies=True, apart_s=0.3))
@@ -302,7 +302,7 @@ def test_nor_is_it_believed_because_the_pilot_flies(monkeypatch: pytest.MonkeyPa
     assert not found.health.faults & AIRSPEED
 
 
-def test_a_tube_that_is_believed_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_tube_that_is_accepted_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "pitot_step", lambda *_, **__: NO_PITOT_WATCH)
     asked = asked_of(monkeypatch, "wind_step")
     found = tick(airspeed=TUBE)

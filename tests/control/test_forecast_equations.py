@@ -225,7 +225,7 @@ def test_the_first_reading_takes_updraft_and_sink_for_alike() -> None:
     assert isnan(first.foreseen.chance)
 
 
-def test_a_velocity_of_any_manoeuvre_is_not_believed_to_be_as_bad_on_a_line() -> None:
+def test_a_velocity_of_any_manoeuvre_is_not_taken_to_be_as_bad_on_a_line() -> None:
     """Held by a line it lags by 0.2 s of g times 0.025 rad: 0.05 m/s."""
     far = forecast_step(
         PARAMS, WIDE, LEVEL, initial_forecast(), VEHICLE, AIR, 0.6, ETA, moving=False

@@ -104,7 +104,7 @@ def test_the_shipped_gains_are_those_of_the_shipped_file() -> None:
     ],
     ids=str,
 )
-def test_gains_that_somebody_gave_are_theirs(changes: dict[str, float]) -> None:
+def test_gains_that_were_given_are_kept(changes: dict[str, float]) -> None:
     assert nobody_gave(VALUES)
     assert not nobody_gave(VALUES.changed(changes))
     assert nobody_gave(VALUES.changed({"TGL_X": 1.0, "AIL_P": 0.5, "PITCH_TRIM": -2.0}))

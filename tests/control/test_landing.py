@@ -479,7 +479,7 @@ def held(
     return state
 
 
-def test_a_stall_is_told_by_the_elevator_and_ends_with_the_nose_down() -> None:
+def test_a_stall_is_recognised_by_the_elevator_and_ends_with_the_nose_down() -> None:
     flown = held(2.0, NO_GLIDE, nose_held=False)
     assert abs(flown.weave_rad) > 0.3
     almost = held(airspeed_hold.STALL_S - 2.0 * DT, flown, 2.0)

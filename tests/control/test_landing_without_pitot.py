@@ -144,7 +144,7 @@ def test_at_the_best_glide_it_weaves_wider_near_the_ground() -> None:
     assert half_width(PARAMS, -1.0, True) == 0.0
 
 
-def test_the_nose_goes_down_by_what_turning_has_told() -> None:
+def test_the_nose_goes_down_by_what_turning_has_shown() -> None:
     """And not up: an airspeed that is read too low is safe."""
     slow = NO_GLIDE.airspeed_error._replace(nose=0.0, sideways_mps=0.0, weight=40.0, by_nose2=6.0)
     found = []

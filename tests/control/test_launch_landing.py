@@ -150,7 +150,7 @@ def test_a_launch_sees_how_far_the_line_has_to_go_and_how_far_off_it_is(
 
 
 @pytest.mark.interpreted
-def test_a_launch_is_told_that_its_line_moves_and_that_the_place_is_lost(
+def test_a_launch_is_given_that_its_line_moves_and_that_the_place_is_lost(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked = asked_of(monkeypatch, "launch_step")
@@ -394,7 +394,7 @@ SHORT = {"counts_m": -0.1, "left_m": -0.1, "since_s": NOW_S - 0.6}  # for longer
         (2.0, 1.0, True, False),
     ],
 )
-def test_it_breaks_off_when_told_or_when_the_height_is_gone_and_it_may(
+def test_it_breaks_off_when_commanded_or_when_the_height_is_gone_and_it_may(
     asked: float, auto: float, short: bool, breaks: bool
 ) -> None:
     state = homeward(**SHORT) if short else homeward()
@@ -522,7 +522,7 @@ def test_beating_is_over_where_it_is_wanted_back_and_is_back() -> None:
     assert not found(modes.BEATING, now=aside) & modes.BEAT_OVER
 
 
-def test_it_beats_when_told_where_there_is_room() -> None:
+def test_it_beats_when_commanded_where_there_is_room() -> None:
     assert not found() & modes.BEAT
     assert found(BEAT_START=1.0) & modes.BEAT
     assert not found(now=at_hand(clearance_m=5.9), BEAT_START=1.0) & modes.BEAT

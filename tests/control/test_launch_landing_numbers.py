@@ -194,7 +194,7 @@ def test_a_line_is_flown_but_on_the_way_home_beating_or_before_a_launch_glides(m
         assert flies_no_line(mode, launched(standing)) == line_less
 
 
-def test_who_holds_it_is_told_by_the_launch() -> None:
+def test_whether_it_is_in_the_hand_is_known_from_the_launch() -> None:
     assert is_in_hand(launched(launch.HELD))
     assert not is_in_hand(launched(launch.THROWN))
     assert not is_in_hand(NO_LAUNCH_LANDING)
@@ -254,7 +254,7 @@ def test_a_launch_holds_its_pitch_and_the_glide_s_while_it_is_slow(
     assert found.soaring.pitch_setpoint_rad == pytest.approx(radians(pitch_deg), abs=1e-6)
 
 
-def test_a_launch_that_dives_as_it_is_told_stays_so_where_it_is_slow() -> None:
+def test_a_launch_that_dives_as_commanded_stays_so_where_it_is_slow() -> None:
     laws = laws_with(LNC_PITCH=-8.0, REC_PITCH=-5.0, DYN_BEST=8.0)
     found = guided(modes.LAUNCHING, launched(launch.THROWN), flying_at(7.0), laws)
     assert found.soaring.pitch_setpoint_rad == pytest.approx(radians(-8.0), abs=1e-6)
@@ -362,7 +362,7 @@ def test_a_firmware_that_turns_is_given_a_bank_by_the_heading(mode: int) -> None
         (modes.BEATING, "beat_step", None),
     ],
 )
-def test_each_glide_is_told_what_it_needs(
+def test_each_glide_is_given_what_it_needs(
     monkeypatch: pytest.MonkeyPatch, mode: int, part: str, outward: bool | None
 ) -> None:
     asked = asked_of(monkeypatch, part)

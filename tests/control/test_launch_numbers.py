@@ -240,7 +240,7 @@ def test_how_it_stands_is_what_is_logged() -> None:
     assert not starts_line(at(x.THROWN, since_s=NOW), NOW)
 
 
-def test_a_throw_is_felt_for_as_long_as_a_throw_lasts() -> None:
+def test_a_throw_is_measured_for_as_long_as_a_throw_lasts() -> None:
     """An arm pushes for 0.2 to 0.4 s, and the slowest stream that counts comes every 55 ms."""
     assert 0.4 <= x.PUSH_S < 2.0 * 0.4
     assert 3.0 * 0.055 < x.PUSH_AGE_S < 0.4

@@ -370,7 +370,7 @@ def test_a_shake_begins_so_far_in_that_it_goes_both_ways() -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [8.0, 12.0])
-def test_a_shake_is_told_by_the_lift_that_all_of_the_brake_takes(speed_mps: float) -> None:
+def test_a_shake_is_recognised_by_the_lift_that_all_of_the_brake_takes(speed_mps: float) -> None:
     """0.5 rho V² S C_L / m, of which 0.88 is observed."""
     aero = AERO._replace(CL_brake=-0.3, mass_kg=0.8, wing_area_m2=0.2, air_density_kgpm3=1.2)
     shaking = AT_POINT._replace(shake=AT_POINT.shake._replace(on=True, climb_mps=0.0))

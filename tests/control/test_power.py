@@ -215,7 +215,7 @@ def view(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ThrottleView]:
 
 
 @pytest.mark.interpreted
-def test_it_is_told_how_fast_one_that_soars_is_brought_back(
+def test_it_is_given_how_fast_one_that_soars_is_brought_back(
     view: Callable[..., ThrottleView],
 ) -> None:
     back = SETTLES._replace(slope_per_s=-1.2)
@@ -233,7 +233,7 @@ def test_it_is_told_how_fast_one_that_soars_is_brought_back(
 
 
 @pytest.mark.interpreted
-def test_it_is_told_how_the_aircraft_is(view: Callable[..., ThrottleView]) -> None:
+def test_it_is_given_the_state_of_the_aircraft(view: Callable[..., ThrottleView]) -> None:
     now = estimates(STILL._replace(climb_mps=-0.7), airspeed_mps=8.25, clearance_m=4.0)
     shown = view(now=now)
     assert shown.allowed

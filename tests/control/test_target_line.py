@@ -167,7 +167,7 @@ def test_a_moving_line_is_gentle_and_arrives(
     assert state.speed_mps == 0.0
 
 
-def test_turning_is_not_felt_by_an_aircraft_on_the_line() -> None:
+def test_turning_makes_no_error_for_an_aircraft_on_the_line() -> None:
     # The operator's point is 3 m away: about that point the line would sweep by 3 m · 5°/s.
     x, z, eta = 0.0, 1.0, radians(110.0)
     state = line_at(TargetLine(0.0, 0.0, UPRIGHT), x, z)

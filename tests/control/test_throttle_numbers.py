@@ -171,7 +171,7 @@ def test_the_last_of_the_budget_is_given_and_no_more() -> None:
 @pytest.mark.parametrize(
     "changes", [{"allowed": False}, {"airspeed_mps": 15.9}, {"climb_mps": float("nan")}]
 )
-def test_in_doubt_or_without_power_it_is_closed(changes: dict[str, Any]) -> None:
+def test_uncertain_or_without_power_it_is_closed(changes: dict[str, Any]) -> None:
     """At 15.9 m/s all of it would climb by 4 cm/s."""
     assert step(OPENED, SINKS._replace(**changes)) == closed(PARAMS, OPENED, DT)
 

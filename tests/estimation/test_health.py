@@ -473,7 +473,7 @@ def test_a_turn_that_lasts_is_no_wrong_attitude_up_to_twenty_degrees(
     assert (watch.health.faults & h.DISAGREES == 0) == agrees
 
 
-def test_a_rotation_told_the_other_way_round_is_found_out() -> None:
+def test_a_rotation_reported_the_other_way_round_is_detected() -> None:
     """The conjugate quaternion: what was pitched up by 20 degrees is pitched down."""
     q = quaternion_from_euler(0.0, radians(-20.0), 0.0)
     wrong = attitude(qw=q[0], qx=q[1], qy=q[2], qz=q[3])

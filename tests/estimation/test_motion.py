@@ -259,7 +259,7 @@ def test_a_place_that_is_accepted_does_not_vouch_for_its_velocity(speed: float) 
     assert motion_quality(GAINS, state, state, t).velocity_sigma_mps == pytest.approx(2.0)
 
 
-def test_before_the_first_fix_nothing_is_reported_as_sure() -> None:
+def test_before_the_first_fix_nothing_is_reported_as_certain() -> None:
     state = initial_motion()
     for inputs in (tick(1.0), tick(1.005, NO_FIX, LAST_SAMPLE)):
         before = state

@@ -490,7 +490,7 @@ def test_another_source_is_no_step(imu: bool) -> None:
     assert state.offset.z_m == pytest.approx(0.0, abs=1e-3)
 
 
-def test_of_a_new_source_s_difference_its_origin_has_what_the_filter_is_sure_of() -> None:
+def test_of_a_new_source_s_difference_its_origin_has_what_the_filter_is_confident_of() -> None:
     """The offset's fraction is OFFSET_M² / (OFFSET_M² + S), S the innovation's variance: all but
     all of it while fixes come, less after a gap in which the estimate may have drifted."""
     gains = GAINS._replace(unknown_sd_mps2=10.0)

@@ -224,7 +224,7 @@ def test_accelerations_are_taken_to_come_with_every_tick_until_it_is_known() -> 
     assert initial_motion().imu.interval_s == 1.0 / 200.0
 
 
-def test_the_fifth_fix_in_a_row_that_is_off_by_the_same_is_believed() -> None:
+def test_the_fifth_fix_in_a_row_that_is_off_by_the_same_is_accepted() -> None:
     """Four are refused: 80 ms at 50 Hz, in which an aircraft moves by less than a metre."""
     state = known()
     for k in range(1, 6):

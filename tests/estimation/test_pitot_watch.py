@@ -109,7 +109,7 @@ def test_an_honest_tube_is_not_off(alpha_rad: float, load: float) -> None:
 
 
 @pytest.mark.parametrize("factor", [0.88, 1.25])
-def test_a_tube_that_errs_by_less_than_files_do_is_believed(factor: float) -> None:
+def test_a_tube_that_errs_by_less_than_files_do_is_accepted(factor: float) -> None:
     _, since_s = watched(USUAL, factor, 10.0)
     assert since_s == inf
 
@@ -135,7 +135,7 @@ def test_a_tube_that_reads_far_too_fast_is_found_out() -> None:
     assert watched(USUAL, 9.0, 3.0, state)[0].lies
 
 
-def test_slower_air_is_told_from_ice() -> None:
+def test_slower_air_is_distinguished_from_ice() -> None:
     # As slow as it glides at all, the tube is right, and so are lift, trim and force.
     slow = flight(AERO.stall_alpha_rad - AERO.stall_width_rad)
     assert slow.speed_mps < 1.05 * SLOWEST_MPS
@@ -158,7 +158,7 @@ def test_one_of_two_that_is_wrong_convicts_nobody(elevator_error: float) -> None
     assert abs(off_rad(AERO, means(wrong, 1.1))) < APART_RAD
 
 
-def test_it_is_believed_again_when_it_has_agreed_for_long() -> None:
+def test_it_is_accepted_again_when_it_has_agreed_for_long() -> None:
     lying, _ = watched(USUAL, 0.5, 3.0)
     assert lying.lies
     thawed, _ = watched(USUAL, 1.0, BELIEVED_S, lying)

@@ -207,7 +207,7 @@ def test_half_a_second_of_contradiction_is_a_lie(apart_s: float, lies: bool) -> 
 
 
 @pytest.mark.parametrize(("agrees_s", "lies"), [(4.985, True), (4.995, False)])
-def test_five_seconds_of_agreement_make_it_believed_again(agrees_s: float, lies: bool) -> None:
+def test_after_five_seconds_of_agreement_it_is_accepted_again(agrees_s: float, lies: bool) -> None:
     assert off_by(0.0, agrees_s=agrees_s, lies=True).lies is lies
     assert not off_by(0.0, agrees_s=agrees_s).lies
 

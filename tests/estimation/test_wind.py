@@ -345,7 +345,7 @@ def test_a_pitot_s_sample_that_comes_late_is_of_other_air(late_s: float) -> None
     assert with_it.refused == state.refused, "what is late is not wrong"
 
 
-def test_accelerations_that_are_not_felt_leave_no_trace() -> None:
+def test_accelerations_that_were_refused_leave_no_trace() -> None:
     """20 spikes of 40 g that the estimator of motion has refused; averaged they stay for BIAS_S."""
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     worst = []

@@ -102,7 +102,7 @@ def test_what_has_answered_is_asked_for_no_more_and_others_are() -> None:
     assert names_of(asks.poll(1.0)) == ["B"]
 
 
-def test_a_parameter_of_somebody_else_s_interest_is_not_ours() -> None:
+def test_a_parameter_that_was_not_requested_is_not_ours() -> None:
     asks = reading("A")
     assert not asks.take(value("Z", 5.0))
     assert asks.answers == {}
@@ -307,7 +307,7 @@ def test_an_older_name_is_an_answer_too() -> None:
     assert check.held_back() == ""
 
 
-def test_who_is_not_obeyed_hears_it_once() -> None:
+def test_that_commands_are_ignored_is_reported_once() -> None:
     check = inquiry()
     vehicle = Vehicle({**GOOD, "SYSID_MYGCS": 254.0}).run(check)
     (notice,) = vehicle.notices

@@ -315,7 +315,7 @@ def test_streams_share_the_offset_of_the_fastest_that_is_proven_and_near(
     assert streams.receive("fast", 100.6) == pytest.approx(0.0)
 
 
-def test_a_clock_of_somebody_else_has_an_offset_of_its_own() -> None:
+def test_a_clock_of_another_sender_has_an_offset_of_its_own() -> None:
     streams = Streams()
     streams.known()
     streams.run("camera", 101.0, 102.0, foreign=True)

@@ -388,7 +388,7 @@ def test_every_engagement_follows_a_low_that_was_seen(pulses: list[int]) -> None
         assert (request == RELEASE) == (pulse == LOW)
 
 
-def test_an_abort_stands_until_somebody_releases() -> None:
+def test_an_abort_stands_until_a_release() -> None:
     engagement = Engagement()
     assert engagement.held_back() == ""
     engagement.abort("system 255")

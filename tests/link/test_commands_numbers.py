@@ -131,7 +131,7 @@ def test_only_a_confirmation_makes_a_repetition(server: CommandServer) -> None:
     ("number", "engaged", "is_done"),
     [(RELEASE, True, True), (RELEASE, False, False), (ABORT, True, True), (ABORT, False, True)],
 )
-def test_letting_go_is_done_again_while_there_is_something_to_let_go(
+def test_releasing_is_done_again_while_there_is_something_to_release(
     server: CommandServer, number: int, engaged: bool, is_done: bool
 ) -> None:
     server.handle(STATION, command(number), 20.0)

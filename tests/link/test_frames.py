@@ -106,7 +106,7 @@ def test_one_wrong_bit_anywhere_before_the_signature_is_no_frame(kind: str) -> N
         (bytes((0x55,)), 0),
     ],
 )
-def test_the_length_is_told_from_the_header_alone(data: bytes, length: int) -> None:
+def test_the_length_is_known_from_the_header_alone(data: bytes, length: int) -> None:
     assert frame_length(data, 0) == length
     assert frame_length(b"??" + data, 2) == length
 

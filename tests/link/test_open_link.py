@@ -68,7 +68,7 @@ def test_the_right_form_is_enough_whether_or_not_it_can_be_opened(text: str) -> 
         ("carrier-pigeon:1", False),
     ],
 )
-def test_what_may_pass_is_told_from_a_mistake(text: str, passes: bool) -> None:
+def test_what_may_pass_is_distinguished_from_a_mistake(text: str, passes: bool) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(text, is_frame)
     assert isinstance(caught.value, LinkNotReadyError) is passes

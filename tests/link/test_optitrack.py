@@ -194,7 +194,7 @@ def test_fixes_are_thinned_to_a_rate() -> None:
     assert min(b - a for a, b in pairwise(times)) == pytest.approx(0.02, 0.05)
 
 
-def test_a_unicast_server_hears_that_we_live() -> None:
+def test_a_unicast_server_receives_keep_alives() -> None:
     hall = Hall().run(10.0)
     assert hall.asked.count(layout.KEEP_ALIVE) == 10
     assert len(hall.fixes) > 990

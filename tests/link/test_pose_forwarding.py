@@ -106,7 +106,7 @@ def test_the_autopilot_s_own_position_never_goes_back_to_it() -> None:
     assert sources.chosen == LOCAL_POSITION
 
 
-def test_a_bridge_that_the_autopilot_hears_itself_is_not_repeated() -> None:
+def test_a_bridge_that_the_autopilot_receives_itself_is_not_repeated() -> None:
     forwarding = PoseForwarding(ODOMETRY, 50.0)
     assert forwarded(forwarding, 1.0, source=VISION)
     forwarding.known.add(VISION)

@@ -36,7 +36,7 @@ def test_the_low_byte_is_the_mode_and_the_rest_the_start() -> None:
     assert beat_in(4, 0)[0] == beat_in(4, 2**24)[0] == 256 + 4  # never that of none
 
 
-def test_a_duplicate_is_told_from_our_own_echo() -> None:
+def test_a_duplicate_is_distinguished_from_our_own_echo() -> None:
     ours, theirs = Presence(7), Presence(8)
     assert ours.is_alone(0.0)
     for mode in range(len(STATES)):

@@ -295,7 +295,7 @@ def test_an_unsupported_position_leads_to_odometry() -> None:
     assert any("LOCAL_POSITION_NED at 50 Hz unsupported" in text for _, text in talk.notices)
 
 
-def test_an_answer_to_somebody_else_is_not_ours() -> None:
+def test_an_answer_to_another_system_is_not_ours() -> None:
     talk = session()
     receive(talk, MANUAL, 0.0)
     talk.poll(0.0)
@@ -386,7 +386,7 @@ def test_newer_firmware_obeys_a_range(system: int, obeyed: bool) -> None:
     assert complaints({"MAV_GCS_SYSID": 250.0}, override_system=250)[1] == []
 
 
-def test_an_autopilot_that_does_not_answer_is_asked_a_few_times_and_believed() -> None:
+def test_an_autopilot_that_does_not_answer_is_asked_a_few_times_and_accepted() -> None:
     assert complaints({}) == (12, [])
 
 

@@ -312,13 +312,13 @@ def test_a_peer_s_clock_that_is_years_ahead_is_not_taken_over() -> None:
     assert ours.timestamp == before
 
 
-def test_without_a_clock_all_but_the_end_of_the_bits_is_believed() -> None:
+def test_without_a_clock_all_but_the_end_of_the_bits_is_accepted() -> None:
     later = round((CLOCK_IS_SET_S + 1e9 - EPOCH_S) * TICKS_PER_S)  # 2057
     assert Signing(KEY, 0.0, 0.0, kept=later).timestamp == later
     assert Signing(KEY, 0.0, 0.0, kept=LATEST + 1).kept_is_damaged
 
 
-def test_pymavlink_believes_what_we_sign_and_our_decoder_what_it_signs() -> None:
+def test_pymavlink_accepts_what_we_sign_and_our_decoder_what_it_signs() -> None:
     ours = signing()
     theirs = peer()
     encoders = [Encoder(Source(1, 191), ours, 0), Encoder(Source(255, 191), ours, 0)]

@@ -179,7 +179,7 @@ def test_a_key_is_its_owner_s_alone_from_its_first_moment(
     assert modes == [0o600]
 
 
-def test_a_link_that_somebody_has_put_there_is_not_written_through(tmp_path: Path) -> None:
+def test_a_symbolic_link_at_the_place_is_not_written_through(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_text("precious", encoding="ascii")
     (tmp_path / "key.new").symlink_to(victim)
@@ -234,7 +234,7 @@ def test_file_and_folder_are_closed_again(tmp_path: Path, monkeypatch: pytest.Mo
         (b"\xff", DAMAGED),
     ],
 )
-def test_what_is_kept_is_read_and_damage_is_told_from_nothing(
+def test_what_is_kept_is_read_and_damage_is_distinguished_from_nothing(
     tmp_path: Path, content: bytes, loaded: int
 ) -> None:
     file = TimestampFile(tmp_path / "key")

@@ -360,7 +360,7 @@ def test_a_mode_that_a_lost_link_kept_is_left_when_the_link_is_back(silent_s: fl
     assert is_reported == (silent_s > 5.0)
 
 
-def test_a_mode_that_somebody_chooses_in_a_failsafe_or_after_it_stays() -> None:
+def test_a_mode_that_is_chosen_in_a_failsafe_or_after_it_stays() -> None:
     for others in (
         [(GUIDED, mavlink.MAV_STATE_CRITICAL)],  # no mode is restored while it lasts
         [(LOITER, mavlink.MAV_STATE_CRITICAL), (GUIDED, mavlink.MAV_STATE_ACTIVE)],

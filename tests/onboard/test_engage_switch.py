@@ -249,7 +249,7 @@ def test_engaged_and_released_it_is_shown_and_reported_on_the_console(bench: Ben
     assert len(bench.asked) == 1
 
 
-def test_an_abort_holds_back_until_somebody_releases(bench: Bench) -> None:
+def test_an_abort_holds_back_until_a_release(bench: Bench) -> None:
     bench.flies()
     bench.switch.turn(ABORT, "system 9", 10.0, STATION)
     assert bench.op_engage == 0.0
@@ -283,7 +283,7 @@ def test_an_engagement_whose_mode_has_not_come_is_withdrawn(
         (modes.RELEASED, False, False, False),
     ],
 )
-def test_whoever_has_engaged_is_told_how_it_goes(
+def test_progress_is_reported_to_the_station_that_engaged(
     bench: Bench, mode: int, flying: bool, settled: bool, withdrawn: bool
 ) -> None:
     bench.presence.mode = mode

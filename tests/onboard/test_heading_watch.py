@@ -108,7 +108,7 @@ def test_a_wind_that_is_slow_or_not_known_has_no_side(wind_mps: float) -> None:
 @pytest.mark.parametrize(
     "changes", [{"mode": BEATING}, {"mode": LANDING}, {"mode": HOLDING}, {"active": False}]
 )
-def test_away_from_a_line_nobody_looks_and_back_on_it_begins_anew(changes: Any) -> None:
+def test_away_from_a_line_nothing_is_watched_and_back_on_it_begins_again(changes: Any) -> None:
     watched = Watched()
     assert watched.fly(20.0, 60.0, **changes) == []
     assert watched.fly(20.0, 9.0, mode=CAPTURING) == []
@@ -133,7 +133,7 @@ def test_a_gap_says_neither_that_they_agree_nor_the_same_again(veer_max_deg: flo
         assert watched.fly(0.0, 0.2) == [(SEVERITY_INFO, "heading and drift agree again")]
 
 
-def test_a_calm_between_begins_the_seconds_anew() -> None:
+def test_a_calm_between_resets_the_seconds() -> None:
     watched = Watched()
     assert watched.fly(20.0, 8.9) == []  # 4.7 s of it stand
     assert watched.fly(20.0, 1.0, wind_mps=3.0) == []

@@ -546,7 +546,7 @@ def test_a_return_that_does_not_land_is_not_asked_for(flight: Flight) -> None:
     assert reported.words == [words, words]  # when it was read from the file, and on the way home
 
 
-def test_an_operator_who_takes_the_landing_back_is_told_of_no_other(flight: Flight) -> None:
+def test_after_an_operator_takes_the_landing_back_no_other_is_reported(flight: Flight) -> None:
     firmware, reported, settings = Firmware("px4"), Reported(), Settings(LND_BY=1.0)
     landing: Any = FirmwareLanding(firmware, settings, firmware, reported)  # type: ignore[arg-type]
     firmware.time_s, firmware.custom_mode = 1.0, MODE_RETURN

@@ -243,7 +243,7 @@ def test_it_is_reported_again_after_there_were_two_metres_more(bench: Bench) -> 
     assert reported(bench, 9.0, 4.0, 1.9) == ["4.0 m", "1.9 m"]
 
 
-def test_on_the_way_home_and_on_the_ground_nobody_is_told(bench: Bench) -> None:
+def test_on_the_way_home_and_on_the_ground_nothing_is_reported(bench: Bench) -> None:
     assert reported(bench, 4.0, mode=modes.LANDING) == []
     assert reported(bench, 4.0, mode=modes.READY) == []
     assert reported(bench, nan, inf) == []

@@ -184,7 +184,7 @@ class Shown:
 # --- a round --------------------------------------------------------------------------------------
 
 
-def test_time_before_the_loop_is_no_delay_and_told_to_stop_it_goes_round_no_more(
+def test_time_before_the_loop_is_no_delay_and_once_stopped_it_goes_round_no_more(
     scene: Scene,
 ) -> None:
     assert scene.run([], spin_s=0.0007)
@@ -193,7 +193,7 @@ def test_time_before_the_loop_is_no_delay_and_told_to_stop_it_goes_round_no_more
     assert not scene.waits
 
 
-def test_unless_told_otherwise_the_waiter_learns_how_long_to_stay_awake(scene: Scene) -> None:
+def test_by_default_the_waiter_learns_how_long_to_stay_awake(scene: Scene) -> None:
     scene.run([])
     assert scene.awake_s == [None]
 
@@ -359,7 +359,7 @@ def test_in_lockstep_a_pose_of_the_step_goes_before_its_attitude(scene: Scene) -
     assert [each[0] for each in scene.done] == ["pose", "event", "hold"]
 
 
-def test_the_module_is_told_once_of_another_peer(scene: Scene) -> None:
+def test_the_module_is_notified_once_of_another_peer(scene: Scene) -> None:
     other = Link(scene.done, OTHER_FD)
     reading = links(scene, other)
     other.generation += 1
@@ -470,7 +470,7 @@ def test_each_heartbeat_buys_silence_from_complaints(scene: Scene) -> None:
         (None, False, 4.9, True),
     ],
 )
-def test_told_for_how_long_the_loop_gives_up_waiting_for_an_autopilot(
+def test_given_a_timeout_the_loop_gives_up_waiting_for_an_autopilot(
     scene: Scene, timeout_s: float | None, is_received: bool, after_s: float, in_order: bool
 ) -> None:
     scene.onboard.session.has_heartbeat = is_received

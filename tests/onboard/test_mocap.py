@@ -73,7 +73,7 @@ def made(settings: Mocap) -> tuple[MocapFeed, Any]:
     return feed, feed._sockets
 
 
-def test_a_multicast_server_is_heard_on_its_group() -> None:
+def test_a_multicast_server_is_received_on_its_group() -> None:
     _, asked = made(MULTICAST)
     assert asked.given == ("10.0.0.5", 1600)
     assert asked.named == {"interface": "10.0.0.7", "group": "239.1.2.3", "port": 1601}
@@ -85,7 +85,7 @@ def test_a_unicast_server_on_no_group() -> None:
     assert asked.named == {"interface": "", "group": "", "port": 1511}
 
 
-def test_the_client_is_told_what_the_file_says() -> None:
+def test_the_client_is_given_what_the_file_says() -> None:
     feed, _ = made(MULTICAST)
     settings = feed.client._settings
     assert settings.server == "192.0.2.9"
@@ -107,7 +107,7 @@ def test_the_client_is_told_what_the_file_says() -> None:
     ("settings", "done"),
     [(MULTICAST, ["closed"]), (UNICAST, [layout.disconnect(), "closed"])],
 )
-def test_only_a_server_that_streams_to_us_alone_is_told_goodbye(
+def test_only_a_server_that_streams_to_us_alone_is_sent_a_goodbye(
     settings: Mocap, done: list[Any]
 ) -> None:
     feed, asked = made(settings)

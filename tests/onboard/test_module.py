@@ -584,7 +584,7 @@ def station_beats(flight: Flight, seconds: float) -> list[Any]:
     return flight.outbound()
 
 
-def test_a_station_that_was_away_hears_how_it_stands(flight: Flight) -> None:
+def test_a_station_that_was_away_receives_the_state(flight: Flight) -> None:
     station_beats(flight, 2.0)
     flight.engaged()
     flight.run(1.5)

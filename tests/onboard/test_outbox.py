@@ -120,7 +120,7 @@ def test_several_messages_keep_their_order() -> None:
     assert [m.text for _, m in scene.messages()] == ["a", "b", "c"]
 
 
-def test_an_answer_goes_where_its_asker_was_heard() -> None:
+def test_an_answer_goes_where_its_requester_was_received() -> None:
     scene = Scene(3)
     for number in (1, 2):
         scene.outbox.routes[number].received(STATION)
@@ -256,7 +256,7 @@ def test_numbers_that_are_due_while_there_is_no_time_are_counted_and_not_sent() 
     assert scene.spent() == 0
 
 
-def test_an_outbox_has_no_bytes_for_numbers_before_it_is_told_how_many() -> None:
+def test_an_outbox_has_no_bytes_for_numbers_before_it_is_set_how_many() -> None:
     scene = Scene(1, flows=numbers())
     assert Outbox(Counters(), Kept(), Telemetry(()), None).telemetry_bytes_per_s == 0.0
     scene.outbox.telemetry_bytes_per_s = 0.0

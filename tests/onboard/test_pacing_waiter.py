@@ -90,7 +90,7 @@ def test_where_nothing_comes_any_more_it_sleeps(monkeypatch: pytest.MonkeyPatch)
     assert asleep_s[5] == pytest.approx(0.0073, abs=10e-6)  # awake before, not after
 
 
-def test_told_how_long_it_stays_awake_no_longer_however_often_something_comes(
+def test_given_how_long_it_stays_awake_no_longer_however_often_something_comes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     computer = Computer(lambda: 0.0)
@@ -101,7 +101,7 @@ def test_told_how_long_it_stays_awake_no_longer_however_often_something_comes(
     assert computer.asleep_s == pytest.approx(0.003, abs=20e-6)
 
 
-def test_told_not_to_it_never_stays_awake(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_given_no_time_it_never_stays_awake(monkeypatch: pytest.MonkeyPatch) -> None:
     computer = Computer(lambda: 50e-6)
     monkeypatch.setattr(select, "select", computer.select)
     waiter = Waiter(computer.clock, 0.0)

@@ -274,7 +274,7 @@ def test_guarded_it_flies_in_a_child_that_is_watched_from_above_its_priority(
     assert raised == [True]
 
 
-def test_the_page_says_that_the_surfaces_were_given_back_before_the_disk_is_waited_for(
+def test_the_page_says_that_the_surfaces_were_released_before_the_disk_is_waited_for(
     flown: Process,
 ) -> None:
     heartbeat = ProcessHeartbeat()

@@ -100,7 +100,7 @@ class Scene:
 # --- what has to be reported ----------------------------------------------------------------------
 
 
-def test_the_first_words_are_on_the_console_at_once_and_go_out_when_somebody_hears_them() -> None:
+def test_the_first_words_are_on_the_console_at_once_and_go_out_once_there_is_a_heartbeat() -> None:
     values: Any = None
     first = (SEVERITY_WARNING, "no --log"), (SEVERITY_ERROR, "restarted")
     scene = Scene(*first)

@@ -79,7 +79,7 @@ def test_it_is_stopped_by_a_signal_and_gives_the_surfaces_back(
     assert "Traceback" not in module.words()
 
 
-def test_without_an_autopilot_it_gives_up_if_it_was_told_to() -> None:
+def test_without_an_autopilot_it_gives_up_where_a_timeout_is_set() -> None:
     module = Module("--timeout", "0.2")
     try:
         assert module.process.wait(5.0) == EXIT_NO_AUTOPILOT

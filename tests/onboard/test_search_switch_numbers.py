@@ -197,7 +197,7 @@ def test_without_a_place_or_in_a_hand_nothing_is_looked_at(bench: Bench, mode: i
     assert len(bench.engine.sent) == 1
 
 
-def test_the_engine_is_told_its_task_once_and_again_where_it_had_no_room(bench: Bench) -> None:
+def test_the_engine_is_sent_its_task_once_and_again_where_it_had_no_room(bench: Bench) -> None:
     bench.engine.begins = False
     for _ in range(3):
         bench.tick(0.2)
@@ -448,7 +448,9 @@ def test_without_a_line_it_is_over_and_reported_where_it_was_under_way(
     assert bench.moved == []
 
 
-def test_with_the_flight_all_is_over_and_the_engine_is_told_until_it_knows(bench: Bench) -> None:
+def test_with_the_flight_all_is_over_and_the_engine_is_notified_until_it_knows(
+    bench: Bench,
+) -> None:
     bench.searches()
     sent = len(bench.engine.sent)
     bench.engine.room = False

@@ -117,7 +117,7 @@ def test_the_next_tick_flies_with_new_laws_once_however_many_parameters_were_set
 # --- the loop's rate ------------------------------------------------------------------------------
 
 
-def test_another_rate_is_told_to_loop_and_session_and_the_same_is_not() -> None:
+def test_another_rate_is_passed_to_loop_and_session_and_the_same_is_not() -> None:
     scene = Scene()
     scene.set("LOOP_RATE", 250.0)
     assert sorted(scene.rates_hz) == [("pacer", 250.0), ("session", 250.0)]

@@ -128,7 +128,7 @@ def modes(messages: list[Any]) -> list[float]:
 # --- commands -------------------------------------------------------------------------------------
 
 
-def test_the_watchdog_knows_before_the_first_command_and_is_told_once() -> None:
+def test_the_watchdog_knows_before_the_first_command_and_is_notified_once() -> None:
     scene = Scene()
     for _ in range(2):
         scene.tick(active=True)

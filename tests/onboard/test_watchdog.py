@@ -380,7 +380,7 @@ def is_fed(systemd: socket.socket) -> bool:
         return False
 
 
-def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
+def test_systemd_is_notified_of_the_start_of_every_round_and_of_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
@@ -409,7 +409,7 @@ def test_systemd_is_told_of_the_start_of_every_round_and_of_the_end(
             module.close()
 
 
-def test_systemd_is_told_four_times_in_its_interval_and_no_more(
+def test_systemd_is_notified_four_times_in_its_interval_and_no_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     notified: list[str] = []

@@ -157,7 +157,7 @@ def test_a_killed_process_s_surfaces_are_released_before_the_next_is_started(liv
     assert [became for _, became in world.started] == ["", "was killed by SIGKILL"]
 
 
-def test_a_process_that_has_given_back_its_surfaces_needs_no_release(live: Live) -> None:
+def test_a_process_that_has_released_its_surfaces_needs_no_release(live: Live) -> None:
     world = live(Life(shows_until_s=2.0, has_surfaces=True, gives_back_s=1.0, ends_s=2.0))
     assert world.watch() == 0
     assert not world.released
@@ -391,7 +391,7 @@ def received(listening: socket.socket) -> list[str]:
 
 
 @pytest.mark.parametrize("is_abstract", [False, True])
-def test_systemd_is_told_that_it_is_up_while_it_goes_round_and_that_it_ends(
+def test_systemd_is_notified_that_it_is_up_while_it_goes_round_and_that_it_ends(
     live: Live, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, is_abstract: bool
 ) -> None:
     """A name that begins with an at sign has no file: sd_notify(3)."""

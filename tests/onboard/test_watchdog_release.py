@@ -129,7 +129,7 @@ def guided() -> ModuleSetup:
 # --- the release ----------------------------------------------------------------------------------
 
 
-def test_the_channels_are_given_back_a_few_times_and_then_it_is_reported(scene: Scene) -> None:
+def test_the_channels_are_released_a_few_times_and_then_it_is_reported(scene: Scene) -> None:
     scene.hand_over()
     *releases, words = scene.link.outbound()
     assert len(releases) == RELEASE_FRAMES

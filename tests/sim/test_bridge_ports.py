@@ -72,7 +72,7 @@ def test_who_speaks_first_is_new_once_and_counted(ports: Ports) -> None:
     ports.send(99, b"to nobody")
 
 
-def test_it_waits_as_long_as_it_is_told_and_never_backwards(
+def test_it_waits_as_long_as_requested_and_never_backwards(
     ports: Ports, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []

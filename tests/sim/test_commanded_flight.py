@@ -240,7 +240,7 @@ def test_the_loops_go_on_from_a_given_pitch() -> None:
 # --- by the surfaces ------------------------------------------------------------------------------
 
 
-def test_surfaces_go_where_they_are_told_at_the_rate_that_they_may() -> None:
+def test_surfaces_go_where_commanded_at_the_rate_that_they_may() -> None:
     given = taken()
     limits = given.laws.envelope
     step = limits.rate_max_per_s / HZ

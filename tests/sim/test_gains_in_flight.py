@@ -107,7 +107,7 @@ def test_the_outer_gains_with_accelerations_keep_their_margin(factor: float) -> 
     assert all(abs(output.line.e_rho_m) <= 0.01 for output in flight[-4 * HZ :])
 
 
-def test_a_switch_in_steady_flight_is_not_felt() -> None:
+def test_a_switch_in_steady_flight_makes_no_jump() -> None:
     """In calm air a tick changes the commands no more than the sensors' noise does anyhow."""
     loop = ClosedLoop(world(1, 0.0, WITH_IMU), shipped_values())
     ticks(loop, 7.0)

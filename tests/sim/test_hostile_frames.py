@@ -303,6 +303,6 @@ def test_each_sort_is_one_in_four() -> None:
         assert count == pytest.approx(500, abs=60)  # three standard deviations
 
 
-def test_a_supply_is_of_system_1_unless_it_is_told() -> None:
+def test_a_supply_is_of_system_1_by_default() -> None:
     listened_to = {header(frame)[0] for frame in frames(HostileFrames._out_of_range, 100)}
     assert listened_to == {1, 255}

@@ -159,7 +159,7 @@ def test_a_frame_is_its_sections_in_order_and_no_byte_more(version: Version, pre
     assert got.at == len(got.data)
 
 
-def test_a_4_0_has_the_precision_unless_it_is_told_not_to() -> None:
+def test_a_4_0_has_the_precision_unless_it_is_switched_off() -> None:
     usual = encode_frame((4, 0), SCENE)
     assert usual == encode_frame((4, 0), SCENE, precise_4_0=True)
     assert len(usual) == len(encode_frame((4, 0), SCENE, precise_4_0=False)) + 8

@@ -103,7 +103,7 @@ def test_it_sets_the_line_engages_waits_and_is_done() -> None:
     assert flown.ended_s - flown.stopped_s == pytest.approx(2.0, abs=0.06)
 
 
-def test_where_it_is_told_to_it_waits_until_the_vehicle_is_armed() -> None:
+def test_where_it_is_set_to_it_waits_until_the_vehicle_is_armed() -> None:
     operator = Operator([LEG], 1, 191, when_armed=True)
     module = Module(operator)
     autopilot = mavlink.MAVLink(None, 1, 1)
@@ -303,7 +303,7 @@ def test_a_line_that_nobody_has_moved_is_the_legs_own() -> None:
     assert (operator.flown[0].found, operator.flown[0].moved_s) == ({}, -inf)
 
 
-def test_it_answers_the_lockstep_barrier_and_hears_no_other_vehicle() -> None:
+def test_it_answers_the_lockstep_barrier_and_ignores_other_vehicles() -> None:
     operator = Operator([LEG], 1, 191)
     bridge = mavlink.MAVLink(None, 1, 1)
     operator.receive(bytes(bridge.timesync_encode(0, 12345).pack(bridge)))

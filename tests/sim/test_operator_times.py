@@ -118,7 +118,7 @@ def test_it_is_a_ground_station_that_beats_once_a_second() -> None:
     assert beats == [0.0, 1.0, 2.0, 0.0]
 
 
-def test_who_is_heard_and_what_is_kept() -> None:
+def test_which_senders_are_received_and_what_is_kept() -> None:
     wire = Wire([LEG])
     other = mavlink.MAVLink(None, 2, 191)
     assert not wire.say(other.heartbeat_encode(18, 8, 0, 0, 4), other)
@@ -369,7 +369,7 @@ def test_a_place_that_is_gone_is_searched_for_again() -> None:
 
 
 @pytest.mark.parametrize("over", [0.0, 4.0])
-def test_a_search_that_is_over_is_somebody_elses(over: float) -> None:
+def test_a_search_that_is_over_is_another_operators(over: float) -> None:
     wire = Wire([SEARCH])
     wire.engaged()
     wire.has(SRCH_START=over)

@@ -184,7 +184,7 @@ def test_forces_and_rates_have_bias_and_noise_of_each_axis() -> None:
     assert found[5:8] == pytest.approx(np.add((0.1, 0.2, 0.3), rates))
 
 
-def test_a_tether_is_felt_and_what_rests_feels_its_weight_alone() -> None:
+def test_a_tether_is_measured_and_at_rest_the_weight_alone() -> None:
     exact = FORCE._replace(force_noise_mps2=0.0, force_bias_mps2=0.0)
     wind, pull = (0.0, 0.0, 0.0), (0.5, -0.25, 2.0)
     # Soaring axes against north, east, down: x is south, z is up; then into the body's own.

@@ -304,7 +304,7 @@ def test_a_reboot_is_the_autopilots_silence_and_a_new_clock() -> None:
     assert simulation.pixhawk.boot_ms == pytest.approx(50, abs=6)
 
 
-def test_the_pilot_takes_over_in_fbwa_and_gives_back_in_manual() -> None:
+def test_the_pilot_takes_over_in_fbwa_and_hands_over_in_manual() -> None:
     simulation = simulated("pilot.takes start=0.1 for=0.2", held=False)
     modes = []
     for _ in range(100):

@@ -365,7 +365,7 @@ def test_each_leg_is_scored_at_its_own_line_and_place(
 
 
 @pytest.mark.parametrize("by_hand", [True, False])
-def test_a_leg_that_never_settles_fails_unless_somebody_else_has_moved_it(
+def test_a_leg_that_never_settles_fails_unless_another_operator_has_moved_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by_hand: bool
 ) -> None:
     far = {"TGL_X": 9.0, "TGL_Z": 1.1, "TGL_LEAN": 0.0}

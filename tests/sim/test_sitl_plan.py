@@ -37,7 +37,7 @@ def test_motion_capture_needs_a_site_that_has_it(tmp_path: Path) -> None:
         fly(options(tmp_path, mocap=True), quietly)
 
 
-def test_a_firmware_flies_the_airframe_file_with_its_name_and_is_told_the_hall_s_poses(
+def test_a_firmware_flies_the_airframe_file_with_its_name_and_gets_the_hall_s_poses(
     tmp_path: Path,
 ) -> None:
     """Fails at the missing program, with both files as they would be flown in the folder."""

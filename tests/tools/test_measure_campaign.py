@@ -74,7 +74,7 @@ def test_without_the_long_campaign_nothing_is_reported_of_it() -> None:
     assert "compiled" not in page
 
 
-def test_a_first_flight_is_timed_before_and_after_somebody_has_compiled() -> None:
+def test_a_first_flight_is_timed_before_and_after_the_source_is_compiled() -> None:
     page = report(rounds(), LOOKS, 1000, FirstFlights(cold_s=151.6, warm_s=6.04, worker_s=4.5))
     assert "first flight after 152 s where nobody has compiled this source" in page
     assert "after 6.0 s where somebody has; a new worker of dask after 4.5 s" in page

@@ -79,7 +79,7 @@ def flown(seconds: float, upwind_m: float = 0.0) -> Hour:
     return fly_hour(Path("arduplane"), Path("folder"), CASE, 9201, seconds / 60.0, upwind_m)
 
 
-def test_it_is_armed_told_its_home_and_then_let_go(relay: Relay) -> None:
+def test_it_is_armed_given_its_home_and_then_released(relay: Relay) -> None:
     found = flown(1.0)
     assert relay.asked == ["COMMAND_LONG 400", "COMMAND_INT 179", "mode"]
     assert found.aloft_s == pytest.approx(1.0)
@@ -91,7 +91,7 @@ def test_it_is_armed_told_its_home_and_then_let_go(relay: Relay) -> None:
     assert relay.closed
 
 
-def test_it_begins_as_far_upwind_as_it_is_told(relay: Relay) -> None:
+def test_it_begins_as_far_upwind_as_it_is_set(relay: Relay) -> None:
     assert 30.0 < flown(0.2, 40.0).away_m < 45.0
     assert relay.closed
 

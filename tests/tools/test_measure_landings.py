@@ -152,7 +152,7 @@ def test_a_firmware_needs_its_program(
     assert "--firmware names the program" in capsys.readouterr().err
 
 
-def test_without_a_tube_the_firmware_is_told_so(
+def test_without_a_tube_the_firmware_is_given_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[SitlOptions] = []

@@ -207,7 +207,7 @@ def test_the_vehicle_says_all_that_it_would(monkeypatch: pytest.MonkeyPatch) -> 
     assert not flight.is_well
 
 
-def test_a_module_that_lets_go_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_module_that_disengages_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     flight, _ = flown(monkeypatch, lambda t: (t < 1.0, SOARING if t < 1.0 else RELEASED, 0.1))
     assert flight.ended == "released"
     assert not flight.wrapped

@@ -52,7 +52,7 @@ def test_a_folder_and_a_missing_file_are_refused(tmp_path: Path) -> None:
         read_flight(tmp_path / "none.ulg")
 
 
-def test_a_picture_is_told_from_a_log_and_the_known_ones_are_named(tmp_path: Path) -> None:
+def test_a_picture_is_no_log_and_the_known_formats_are_named(tmp_path: Path) -> None:
     path = tmp_path / "flight.tlog"
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
     with pytest.raises(LogError, match=r"known are .*ULog.*DataFlash.*tlog"):

@@ -129,7 +129,7 @@ def test_angles_give_back_the_rotation_that_they_were_taken_from() -> None:
     assert found == pytest.approx(expected, abs=1e-9)
 
 
-def test_no_rotation_is_told_by_zeros() -> None:
+def test_zeros_report_no_rotation() -> None:
     zero = np.zeros(1)
     assert np.isnan(np.concatenate(euler(zero, zero, zero, zero))).all()
 

@@ -259,7 +259,7 @@ def test_a_recorders_clock_that_leaps_is_named_and_not_used() -> None:
         assert log.kinds["ATTITUDE"].time_s == pytest.approx(0.1 * np.arange(12))
 
 
-def test_a_stamp_decades_away_is_believed_of_a_whole_frame_alone() -> None:
+def test_a_stamp_decades_away_is_accepted_of_a_whole_frame_alone() -> None:
     """A recorder that boots in 1970 and is set in flight; bytes that only look like a frame."""
     rows = frames([(0.1 * i, PILOT, attitude(roll=float(i))) for i in range(4)])
     booted = [struct.pack(">Q", 1_000_000 + i) + row[8:] for i, row in enumerate(rows[:2])]
@@ -565,7 +565,7 @@ def test_setpoint_and_stall_margin_are_reported_in_degrees() -> None:
     assert [degrees(angle) for angle in flight.margins["stall_rad"]] == pytest.approx([3.0])
 
 
-def test_a_lean_is_told_from_the_upright_and_the_line_from_the_horizontal() -> None:
+def test_a_lean_is_reported_from_the_upright_and_the_line_from_the_horizontal() -> None:
     flight = reported((0.0, "line_x", -4.0), (0.0, "line_z", 7.0), (0.0, "line_lean", 15.0))
     assert flight.line is not None
     assert flight.line["x_m"] == pytest.approx([-4.0])
@@ -622,7 +622,7 @@ def test_the_updraft_alone_is_reported_without_a_wind() -> None:
     assert reported((0.0, "wind", 6.0)).air is None
 
 
-def test_the_modules_modes_are_told_by_number() -> None:
+def test_the_modules_modes_are_reported_by_number() -> None:
     rows = ((0.0, 0.0), (1.0, 1.0), (2.0, nan), (3.0, 1.0), (4.0, 0.0))
     flight = reported(*((t, "soar_mode", number) for t, number in rows))
     assert rounded(flight.modes) == [(0.0, "boot"), (1.0, "standby"), (4.0, "boot")]

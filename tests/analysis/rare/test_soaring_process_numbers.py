@@ -430,7 +430,9 @@ def test_the_files_of_a_sites_air_are_found_from_its_own_folder(
         ({"z_m": 2.61}, "above"),
     ],
 )
-def test_who_leaves_the_fence_is_told_by_which_side(where: dict[str, float], side: str) -> None:
+def test_of_one_that_leaves_the_fence_the_side_is_reported(
+    where: dict[str, float], side: str
+) -> None:
     looks = {"x_m": process().place[0], "z_m": process().place[1], **where}
     shown = np.array([[looks.get(name, 0.0) for name in SHOWN]] * 30)
     assert process()._cause("outside the fence", shown) == f"outside the fence, {side}"

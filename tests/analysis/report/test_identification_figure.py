@@ -76,7 +76,7 @@ def test_the_elevator_stands_below_from_where_it_stood(monkeypatch: pytest.Monke
     assert 2.5 <= high <= 4.0
 
 
-def test_those_that_were_held_out_are_told_by_word_and_colour(
+def test_those_that_were_held_out_are_marked_by_word_and_colour(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     one, other = panels(drawn(monkeypatch, [fit(1.0), fit(5.6, fitted=False)]))

@@ -75,7 +75,7 @@ def test_without_a_survey_there_is_neither_figure_nor_number(
     assert survey_words(FLIGHT).endswith("`tgl-soar survey` writes it into a site file.")
 
 
-def test_ways_are_told_by_colour_and_two_deviations_along_the_line_by_dots() -> None:
+def test_ways_are_marked_by_colour_and_two_deviations_along_the_line_by_dots() -> None:
     (axes,) = survey_figure(plt, FLIGHT).axes
     down, up, below, above, contour = axes.lines
     assert [down.get_color(), up.get_color()] == [BLUE, "0.6"]

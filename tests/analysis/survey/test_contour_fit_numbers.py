@@ -47,7 +47,7 @@ def test_residuals_are_alike_up_to_the_first_that_are_not() -> None:
     assert module._alike(ones) == pytest.approx(1.0 + 2.0 * (11.0 + 10.0) / 12.0)
 
 
-def test_a_part_is_foretold_by_the_others() -> None:
+def test_a_part_is_predicted_by_the_others() -> None:
     """One knot's height, which each part alone has: by hand, the mean of the other nine."""
     time_s = np.arange(20.0)
     y = np.repeat(np.arange(10.0), 2)  # two samples a part, of 10 parts

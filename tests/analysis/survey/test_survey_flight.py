@@ -198,7 +198,7 @@ def test_each_look_is_kept_with_the_standing_that_it_was_flown_with(
     assert made.flown[-1][2] == pytest.approx(HZ * times[-1])  # and no further
 
 
-def test_every_change_of_parameters_is_told_to_the_flight_and_flown_with(
+def test_every_change_of_parameters_is_passed_to_the_flight_and_flown_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """One when the survey begins, and one for each place that its line is put at; a place that is

@@ -57,7 +57,7 @@ def test_no_more_points_than_are_asked_for_and_raised_by_what_is_cut_off(most: i
     assert (found.above_m < 0.01) == (most == 5)
 
 
-def test_as_many_points_as_a_site_file_takes_unless_told() -> None:
+def test_as_many_points_as_a_site_file_takes_by_default() -> None:
     x = np.arange(3.0 * GROUND_POINTS)
     saw = np.where(np.arange(len(x)) % 2 == 0, 0.0, 10.0)
     assert len(reduced(x, saw).points) == GROUND_POINTS

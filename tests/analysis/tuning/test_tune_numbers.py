@@ -326,7 +326,7 @@ def test_a_set_is_sought_from_where_it_is_and_each_generation_is_reported(
         assert gains_of(values, PLAIN) == pytest.approx(one.gains, rel=1e-6)
 
 
-def test_who_evaluates_is_told_the_demands_and_flies_a_list_in_its_order(
+def test_an_evaluator_is_given_the_demands_and_flies_a_list_in_its_order(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What the first of each kind compiles and loads is there for all: it is evaluated here."""

@@ -259,7 +259,7 @@ def test_what_does_not_move_the_line_is_anybodys(request_: Any) -> None:
 
 @pytest.mark.parametrize("request_", [Drop(token=""), move(0.5), Preset(token="", number=1),
                                       Undo(token="")])  # fmt: skip
-def test_a_hand_that_has_moved_the_line_lets_go(request_: Any) -> None:
+def test_an_operator_that_has_moved_the_line_stops(request_: Any) -> None:
     desk = desk_on()
     desk.take(ANNA, Look(token="", x=0.5, z=1.5, lean=15.0), 10.0)
     assert desk._state(10.0)["ghost"] is not None

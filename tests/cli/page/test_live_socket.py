@@ -86,7 +86,7 @@ def lived(socket: Socket, desk: Desk | None = None) -> Desk:
     return desk
 
 
-def test_a_page_is_told_its_number_asks_and_is_forgotten_when_it_has_gone() -> None:
+def test_a_page_is_sent_its_number_requests_and_is_forgotten_when_it_has_gone() -> None:
     socket = Socket([HELLO, asked("hold"), asked("preset", number=3)])
     desk = lived(socket, Desk(viewers=2))
     assert socket.sent == [{"you": 3}]
@@ -160,7 +160,7 @@ def test_a_bad_request_later_ends_the_page_which_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize("error", [RuntimeError("it was closed"), WebSocketDisconnect(1006)])
-def test_a_page_that_cannot_be_told_its_number_is_forgotten(error: Exception) -> None:
+def test_a_page_that_cannot_be_sent_its_number_is_forgotten(error: Exception) -> None:
     socket = Socket([HELLO])
 
     async def fails(_words: Any) -> None:

@@ -261,7 +261,7 @@ def test_the_air_is_measured_twice_a_second_and_only_where_it_was_flown() -> Non
     assert found["measured"] == {"readings": 4}
 
 
-def test_what_a_propeller_gives_is_told_to_the_map() -> None:
+def test_what_a_propeller_gives_is_passed_to_the_map() -> None:
     watched: Any = Watched()
     recording_of(air_flight(throttle=series(fraction=[1.0] * 3, climb_mps=[1.5] * 3)), tunnel(),
                  watched)  # fmt: skip

@@ -174,7 +174,7 @@ def test_a_silent_module_leaves_gaps_in_the_strips() -> None:
     assert not listener.is_alive(13.0)
 
 
-def test_with_a_key_it_signs_and_hears_only_what_is_signed() -> None:
+def test_with_a_key_it_signs_and_takes_only_what_is_signed() -> None:
     listener = station(KEY)
     receive(listener, module(), named("e_rho", 1.0))
     receive(listener, module(bytes(32)), named("e_rho", 2.0))

@@ -151,7 +151,7 @@ def test_each_channel_is_left_and_released_by_the_numbers_of_its_half(channel: i
 
 
 @pytest.mark.parametrize(("channel", "release"), [(3, 0), (8, 0), (9, 65534), (16, 65534)])
-def test_a_throttle_is_sent_while_power_is_asked_for_and_else_given_back(
+def test_a_throttle_is_sent_while_power_is_requested_and_else_released(
     channel: int, release: int
 ) -> None:
     motor = ThrottleChannel(channel=channel, pwm_min=1000, pwm_max=2000)
@@ -234,7 +234,7 @@ def test_any_failsafe_is_critical_and_a_crash_an_emergency(status: int) -> None:
     assert ArduPilot(on(2, 1, 4), SYSTEM).failsafe(alive(0, status=status)) == fails
 
 
-def test_who_is_ignored_is_told_which_numbers_differ() -> None:
+def test_it_is_reported_which_numbers_differ() -> None:
     plane = ArduPilot(on(2, 1, 4), SYSTEM)
     words = "its {} is {}, our override_system_id 255; make them the same"
     old, new = (

@@ -82,7 +82,7 @@ CHANNELS = SurfaceChannels(
 @pytest.mark.parametrize(
     ("state", "fails"), [(STATE_ACTIVE, False), (STATE_CRITICAL, True), (STATE_EMERGENCY, True)]
 )
-def test_a_failsafe_is_told_by_the_state(state: int, fails: bool) -> None:
+def test_a_failsafe_is_recognised_by_the_state(state: int, fails: bool) -> None:
     heartbeat = Heartbeat(type=1, autopilot=3, base_mode=1, custom_mode=0, system_status=state)
     for flavour in (
         ardupilot.ArduPilot(CHANNELS, 1),

@@ -240,7 +240,7 @@ def test_nothing_is_moved_on_an_armed_aircraft() -> None:
     assert bench.run() == []
 
 
-def test_armed_and_held_on_the_ground_by_somebody_it_must_stand_still() -> None:
+def test_armed_and_held_on_the_ground_it_must_stand_still() -> None:
     bench = Bench(armed_on_ground=True)
     bench.base_mode |= MODE_FLAG_ARMED
     bench.receive_heartbeat()

@@ -52,7 +52,7 @@ def pulses(sent: Any) -> tuple[int, ...]:
 # --- stop by stop ---------------------------------------------------------------------------------
 
 
-def test_each_surface_goes_one_way_the_other_and_back_and_a_person_is_told_what_to_see() -> None:
+def test_each_surface_goes_one_way_the_other_and_back_and_a_person_reads_what_to_see() -> None:
     made, sent, sights = check(), [], []
     while not made.done:
         sent.append(pulses(made.step(100.0)))

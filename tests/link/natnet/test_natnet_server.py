@@ -117,7 +117,7 @@ def test_a_numbered_body_needs_no_definitions() -> None:
     assert server.body_id == 5
 
 
-def test_a_unicast_server_is_told_every_second_that_we_live() -> None:
+def test_a_unicast_server_is_sent_a_keep_alive_every_second() -> None:
     assert times_of(known(), layout.KEEP_ALIVE, 3.5) == [0.0, 1.0, 2.0, 3.0]
     assert times_of(known(SETTINGS._replace(unicast=False)), layout.KEEP_ALIVE, 3.5) == []
 

@@ -178,7 +178,7 @@ def test_both_sockets_are_given_back(server: Server) -> None:
 # --- a second one for a multicast stream ---------------------------------------------------------
 
 
-def test_a_multicast_server_is_heard_on_its_group_and_on_the_port_that_asks(
+def test_a_multicast_server_is_received_on_its_group_and_on_the_port_that_asks(
     server: Server,
 ) -> None:
     port = free_port()

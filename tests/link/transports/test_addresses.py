@@ -90,7 +90,7 @@ def test_of_several_addresses_the_first_is_taken_for_the_kind_of_socket_that_is_
 @pytest.mark.parametrize(
     ("number", "passes"), [(socket.EAI_AGAIN, True), (socket.EAI_NONAME, False)]
 )
-def test_a_name_that_nobody_knows_is_told_from_one_that_nobody_could_be_asked_for(
+def test_an_unknown_name_is_distinguished_from_one_that_could_not_be_looked_up(
     monkeypatch: pytest.MonkeyPatch, number: int, passes: bool
 ) -> None:
     def fail(*_: object, **__: object) -> None:

@@ -62,7 +62,7 @@ def test_of_before_a_restart_nothing_is_known() -> None:
 @pytest.mark.parametrize(
     ("flavour", "number", "message"), [(Px4, 231, cov(0.0, 0.0)), (ArduPilot, 168, FROM_NORTHWEST)]
 )
-def test_it_is_requested_once_a_second_when_somebody_wants_it(
+def test_it_is_requested_once_a_second_when_it_is_wanted(
     flavour: Any, number: int, message: Any
 ) -> None:
     known, streams = wind_of(flavour.sensors)

@@ -284,7 +284,7 @@ def test_a_log_that_was_never_begun_is_ended_in_time(log: Log) -> None:
 
 
 @pytest.mark.interpreted
-def test_an_end_that_the_disk_holds_up_is_told_from_one_that_it_does_not(
+def test_an_end_that_the_disk_holds_up_is_distinguished_from_one_that_it_does_not(
     log: Log, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gate = threading.Event()

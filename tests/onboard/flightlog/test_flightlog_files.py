@@ -205,7 +205,7 @@ def test_what_fits_to_the_last_byte_costs_nothing(
     assert gone(tmp_path, PLENTY, coming, 5) == lost
 
 
-def test_a_log_that_somebody_else_has_just_taken_away_is_gone(
+def test_a_log_that_another_process_has_just_removed_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken = Kept(1, 1, KB, tmp_path / "2026-11-21/10_00_00_flight001.ulg")

@@ -56,7 +56,7 @@ def test_a_part_begins_with_flags_that_claim_nothing_and_the_format_of_every_top
     assert [each.body.decode() for each in formats] == [each.format for each in TOPICS.values()]
 
 
-def test_words_are_told_by_their_keys_with_their_lengths() -> None:
+def test_words_have_keys_with_their_lengths() -> None:
     *_, one, other = read(preamble_of(LogMetadata({"sys_name": "tgl_soar", "odd": "é"}, {})))
     assert one.kind == other.kind == "I"
     assert keyed(one.body) == ("char[8] sys_name", b"tgl_soar")

@@ -215,7 +215,7 @@ def test_the_log_has_its_columns_its_rate_and_both_formats(
             assert arrays[column] == pytest.approx(table[:, i], rel=1e-8, abs=1e-12)
 
 
-def test_ground_stations_are_told_the_truth(airframe: Airframe, site: Site) -> None:
+def test_ground_stations_are_sent_the_truth(airframe: Airframe, site: Site) -> None:
     simulation = Simulation(airframe, site, Options(), Path())
     simulation.pixhawk.add_link(GROUND, ground=True)
     decoder = mavlink.MAVLink(None)
@@ -271,7 +271,7 @@ def test_a_flood_of_strangers_takes_no_more_than_its_share() -> None:
     ports.close()
 
 
-def test_one_machine_only_unless_told_otherwise(capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_machine_only_by_default(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = bridge_command("127.0.0.1:9", "192.0.2.7:14550")[3:]
     assert main(arguments) == 2
     assert "add --gcs-local 0.0.0.0:" in capsys.readouterr().err

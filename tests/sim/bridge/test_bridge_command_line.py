@@ -256,7 +256,7 @@ def test_a_firmware_has_its_own_receiver(capsys: pytest.CaptureFixture[str]) -> 
 # --- motion capture -------------------------------------------------------------------------------
 
 
-def test_a_hall_streams_as_motive_does_unless_told_otherwise() -> None:
+def test_a_hall_streams_as_motive_does_by_default() -> None:
     assert given(*MOCAP).mocap == MocapOptions(
         "127.0.0.1:1510",
         MotiveOptions(

@@ -142,7 +142,7 @@ def test_it_is_over_at_the_step_nearest_to_its_duration(monkeypatch: pytest.Monk
         run.bridge.close()
 
 
-def test_without_a_duration_it_runs_until_somebody_stops_it(
+def test_without_a_duration_it_runs_until_it_is_stopped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     run = Run(monkeypatch, pace=Pace())
@@ -226,7 +226,7 @@ def test_stations_are_met_every_50_ms_where_they_are_waited_for(
     run.bridge.close()
 
 
-def test_while_somebody_is_missing_time_goes_on_at_its_natural_pace(
+def test_while_a_peer_is_missing_time_goes_on_at_its_natural_pace(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     run = Run(monkeypatch, pace=Pace(lockstep=True, duration_s=0.1))

@@ -89,7 +89,7 @@ def test_inertial_sensors_read_at_every_step_and_the_receiver_ten_times_a_second
     assert (carried.surfaces, carried.rangefinder) == (None, None)
 
 
-def test_a_pitot_tube_is_carried_unless_told_otherwise() -> None:
+def test_a_pitot_tube_is_carried_by_default() -> None:
     assert firmware_sensors(400).airspeed is not None
     assert firmware_sensors(400).airspeed == firmware_sensors(400, pitot=True).airspeed
     assert firmware_sensors(400, pitot=False).airspeed is None

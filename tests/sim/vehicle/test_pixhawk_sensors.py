@@ -217,7 +217,7 @@ def position_of(wire: Wire) -> tuple[float, float, float]:
     return fix.x, fix.y, fix.z
 
 
-def test_a_pose_becomes_its_position_only_where_it_is_told_to_take_it() -> None:
+def test_a_pose_becomes_its_position_only_where_it_is_set_to_take_it() -> None:
     for viso_type, north_m in ((0.0, 12.0), (1.0, 1.0)):
         wire = Wire(parameters={"VISO_TYPE": viso_type})
         wire.wants(32, 50.0)

@@ -116,12 +116,12 @@ def autopilot() -> Autopilot:
         ("RC_CHANNELS", 2),
     ],
 )
-def test_a_station_is_told_so_often_unasked(name: str, rate_hz: int) -> None:
+def test_a_station_is_sent_so_often_without_a_request(name: str, rate_hz: int) -> None:
     assert Autopilot().counts(2 * STEP_HZ, STATION)[name] == 2 * rate_hz
     assert len(GROUND_RATES_HZ) == 7
 
 
-def test_a_companion_is_told_nothing_but_a_heartbeat_a_second() -> None:
+def test_a_companion_is_sent_nothing_but_a_heartbeat_a_second() -> None:
     assert Autopilot().counts(3 * STEP_HZ, COMPANION) == {"HEARTBEAT": 3}
 
 
@@ -201,7 +201,7 @@ def test_a_slow_stream_is_as_slow_as_it_was_asked_for(autopilot: Autopilot) -> N
     assert acknowledged.result == ACCEPTED
 
 
-def test_a_stream_is_not_slower_than_can_be_told(autopilot: Autopilot) -> None:
+def test_a_stream_is_not_slower_than_can_be_reported(autopilot: Autopilot) -> None:
     autopilot.command(511, 30, 1e30)
     link = autopilot.pixhawk.links.get(COMPANION)
     assert link is not None

@@ -97,7 +97,7 @@ def test_the_pitch_is_wrong_by_half_a_degree_up_in_odd_seeds_and_down_in_even_on
         np.testing.assert_allclose((tilted - np.array(pitches))[1:], tilt_rad, atol=1e-12)
 
 
-def test_an_estimator_is_told_the_elevator_of_the_tick_before(
+def test_an_estimator_is_given_the_elevator_of_the_tick_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     elevators: list[float] = []

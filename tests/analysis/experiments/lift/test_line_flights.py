@@ -239,7 +239,7 @@ class Search:
 
 
 @pytest.mark.parametrize("act", [DISENGAGE, SEARCH_FIRST])
-def test_a_search_hears_all_and_seeks_once_nowhere_is_foreseen(
+def test_a_search_receives_all_and_seeks_once_nowhere_is_foreseen(
     act: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Flight.made, Search.made = [], []
@@ -428,7 +428,7 @@ def test_the_table_counts_every_flight_but_what_is_soared_of_the_oracles() -> No
     assert with_it[6] == "4.0, 7.8"  # of 1, 3, 5 and 9 s
 
 
-def test_warnings_are_told_from_the_release_on() -> None:
+def test_warnings_are_timed_from_the_release_on() -> None:
     flown = [
         e.LineFlown(
             found=True,

@@ -340,7 +340,7 @@ def test_age_has_a_row_for_what_the_schedule_knows() -> None:
         assert rows[words] == tuple(f"{alpha:.2f}" for alpha in cells)
 
 
-def test_drawn_aircraft_are_told_by_the_least_and_the_fiftieth_part() -> None:
+def test_drawn_aircraft_are_reported_by_the_least_and_the_fiftieth_part() -> None:
     """Of 60 the second, of 30 the first."""
     counts, drawn = concluded()[0].tables[3:5]
     assert [row[0] for row in drawn.rows] == [

@@ -356,7 +356,7 @@ def test_a_reset_is_compared_instant_by_instant_with_the_same_flight_without(
     assert isnan(judge(monkeypatch, sat.HELD, [PLAIN]).apart_m)
 
 
-def test_the_largest_is_told_by_its_size_and_beside_the_fix_of_its_instant(
+def test_the_largest_is_reported_by_its_size_and_beside_the_fix_of_its_instant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found = judge(monkeypatch, sat.RECEIVER, [PLAIN._replace(off_m=[0.1, -0.5, 0.2, 0.25])._replace(

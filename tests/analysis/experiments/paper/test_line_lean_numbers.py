@@ -256,7 +256,7 @@ def test_a_dispersion_follows_within_fifteen_per_cent_either_way(
         assert f"{min(1.0, ratio):.2f} to {max(1.0, ratio):.2f} times it" in words
 
 
-def test_the_lean_that_is_farthest_off_its_formula_is_told_by_its_logarithm() -> None:
+def test_the_lean_that_is_farthest_off_its_formula_is_found_by_its_logarithm() -> None:
     """A third is farther off than twice as much."""
     twice = lean_score(40, 0.01, 0.001)._replace(dispersion_m=0.10, stalled_fraction=0.5)
     third = lean_score(-5.4, 0.01, 0.001)._replace(dispersion_m=0.05 / 3.0, stalled_fraction=0.02)

@@ -271,7 +271,7 @@ def test_each_air_has_its_own_claims_and_words() -> None:
     assert "ended by" not in places_why(silent)
 
 
-def test_leverages_are_told_from_the_least_to_the_greatest() -> None:
+def test_leverages_are_reported_from_the_least_to_the_greatest() -> None:
     several = [s._replace(leverage=0.9 + 0.01 * k) for k, s in enumerate(PLACES)]
     assert "is 0.90 to 0.93 at all of these places" in places_why(several)
 

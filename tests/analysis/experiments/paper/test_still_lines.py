@@ -76,7 +76,7 @@ def test_it_hovers_at_the_crossing_on_every_leg(legs: tuple[LegSummary, ...], si
     assert signs([place_claim(list(legs))]) == sign
 
 
-def test_whoever_has_the_files_alone_is_told_how_far_off_each_aircraft_is() -> None:
+def test_with_the_files_alone_it_is_reported_how_far_off_each_aircraft_is() -> None:
     far = known_place_note([leg(0.0, one_m=-0.157)])
     assert "at most 15.7 ± 0.6 cm away (line a, at 1 % of turbulence)" in far
     assert "9.0 cm apart" in far
