@@ -52,12 +52,12 @@ def test_a_part_is_predicted_by_the_others() -> None:
     time_s = np.arange(20.0)
     y = np.repeat(np.arange(10.0), 2)  # two samples a part, of 10 parts
     hats = np.ones((20, 1))
-    found = module._foretold(hats, y, time_s, np.zeros((1, 1)))
+    found = module._prediction_error(hats, y, time_s, np.zeros((1, 1)))
     others = [(45.0 - n) / 9.0 for n in range(PARTS)]
     expected = np.mean([(n - mean) ** 2 for n, mean in enumerate(others)])
     assert found == pytest.approx(expected, rel=1e-6)
     # With a penalty on it the others foretell less: of 18 samples and a ridge of 18 the half.
-    halved = module._foretold(hats, y, time_s, np.full((1, 1), 18.0))
+    halved = module._prediction_error(hats, y, time_s, np.full((1, 1), 18.0))
     assert halved == pytest.approx(
         np.mean([(n - 0.5 * mean) ** 2 for n, mean in enumerate(others)]), rel=1e-6
     )
@@ -127,16 +127,16 @@ def test_f_and_its_sigma_are_those_of_the_penalised_least_squares() -> None:
     assert found.sigma == pytest.approx(np.sqrt(variance * np.diag(inverse)), rel=1e-4)
     assert found.width == 12.0
     penalty = mu * third.T @ third
-    reported = module._foretold(hats, made.along - 0.01, made.time_s, penalty)
-    assert found.foretold == pytest.approx(reported)
+    reported = module._prediction_error(hats, made.along - 0.01, made.time_s, penalty)
+    assert found.prediction_error == pytest.approx(reported)
 
 
 def test_the_width_is_that_which_foretells_best() -> None:
     made = noisy()
-    each = {w: module._fitted(made, KNOTS_AT, 0.0 * made.q, (w,)).foretold for w in WIDTHS}
+    each = {w: module._fitted(made, KNOTS_AT, 0.0 * made.q, (w,)).prediction_error for w in WIDTHS}
     found = module._fitted(made, KNOTS_AT, 0.0 * made.q, WIDTHS)
     assert found.width == min(each, key=lambda width: each[width])
-    assert found.foretold == pytest.approx(min(each.values()))
+    assert found.prediction_error == pytest.approx(min(each.values()))
 
 
 def test_residuals_that_are_all_followed_leave_a_tenth_of_them_free(

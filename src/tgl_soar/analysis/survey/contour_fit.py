@@ -7,7 +7,7 @@ that is carried along it returns to its place at the rate lambda, and is late, b
 
 f is a broken line of KNOTS points, found by least squares with the penalty mu on its third
 differences: a parabola costs nothing.  mu and lambda are those with which parts of the flight that
-are left out are foretold best: gusts differ from one pass to the next, the contour does not.  f'
+are left out are predicted best: gusts differ from one pass to the next, the contour does not.  f'
 is that of the f before, first of the one without e: passes both ways leave little of e in it.
 
 How certain f is follows from what is left: noise of the residuals' spectrum at zero frequency,
@@ -104,7 +104,7 @@ def drawn_contour(path: SurveyPath) -> DrawnContour:
         slope = np.gradient(found.f, knots)
         lates = {each: _late(flown, knots, slope, each) for each in RETURNS_PER_S}
         fits = {each: _fitted(flown, knots, late, (found.width,)) for each, late in lates.items()}
-        rate = min(fits, key=lambda each: fits[each].foretold)
+        rate = min(fits, key=lambda each: fits[each].prediction_error)
         late = lates[rate]
         found = _fitted(flown, knots, late, WIDTHS)
     return DrawnContour(
@@ -134,7 +134,7 @@ class _Drawn(NamedTuple):
     sigma: Floats
     left: float  # rms of what it leaves
     width: float  # of `WIDTHS`
-    foretold: float  # mean square by which parts that are left out differ
+    prediction_error: float  # mean square by which parts that are left out differ
 
 
 def _late(flown: _Slid, knots: Floats, slope: Floats, rate_per_s: float) -> Floats:
@@ -155,7 +155,7 @@ def _fitted(flown: _Slid, knots: Floats, late: Floats, widths: Sequence[float]) 
     penalty = bend.T @ bend
     time_s = flown.time_s[inside]
     penalties = [len(y) / KNOTS * width**6 for width in widths]
-    errors = [_foretold(hats, y, time_s, mu * penalty) for mu in penalties]
+    errors = [_prediction_error(hats, y, time_s, mu * penalty) for mu in penalties]
     best = int(np.argmin(errors))
     mu = penalties[best]
     normal = hats.T @ hats
@@ -170,7 +170,7 @@ def _fitted(flown: _Slid, knots: Floats, late: Floats, widths: Sequence[float]) 
         sigma=np.sqrt(variance * np.diag(inverse)),
         left=float(np.sqrt(np.mean(left**2))),
         width=widths[best],
-        foretold=min(errors),
+        prediction_error=min(errors),
     )
 
 
@@ -201,7 +201,7 @@ def _hats(q: Floats, knots: Floats) -> Floats:
     return hats
 
 
-def _foretold(hats: Floats, y: Floats, time_s: Floats, penalty: Floats) -> float:
+def _prediction_error(hats: Floats, y: Floats, time_s: Floats, penalty: Floats) -> float:
     """Mean square by which parts of the flight differ from what the others say of them."""
     edges = np.linspace(time_s[0], time_s[-1], PARTS + 1)
     part = np.clip(np.searchsorted(edges, time_s, side="right") - 1, 0, PARTS - 1)
