@@ -104,9 +104,9 @@ REPEATED: Final = 3  # the same numbers again and again are no fixes: it may hav
 # with accelerometers, of 3 to 20 cm 0.8 to 1.3 without (tests/estimation).
 NOISE_KEPT: Final = 0.8
 # An acceleration that the filter may not know of [m/s²]: a throw by hand, or what of it the
-# accelerometers tell wrongly while the attitude is 20 to 60 degrees off.
+# accelerometers measure wrongly while the attitude is 20 to 60 degrees off.
 UNKNOWN_MPS2: Final = 60.0
-UNTOLD_MPS2: Final = 15.0
+MISMEASURED_MPS2: Final = 15.0
 NOISE_GATES: Final = 0.5  # so many EST_GATE at most is the noise that widens the gate
 # Turns that a single one makes at most: a step two, there and not on; a wild fix three, there,
 # back, stay.  At 5 Hz an acceleration explains some of them.
@@ -276,7 +276,7 @@ def _compared(
     elif same_source and latest.repeated > 0:  # nothing new is known
         noise = _faded(state.noise, measured.variance_m2)
     elif same_source:
-        worst_mps2 = UNTOLD_MPS2 if state.inertial else UNKNOWN_MPS2
+        worst_mps2 = MISMEASURED_MPS2 if state.inertial else UNKNOWN_MPS2
         step_s = time_s - last_s
         noise = _scattered(state.noise, innovation, pp, measured.variance_m2, worst_mps2, step_s)
     measured = _discounted(measured, noise)

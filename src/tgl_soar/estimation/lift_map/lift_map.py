@@ -180,10 +180,10 @@ class LiftMap:
         """How likely the ground's profile says nothing about the flow, 0 … 1."""
         return 1.0 / (1.0 + exp(-self._log_odds))
 
-    def take(self, reading: Reading, unheard_s: float = 0.0) -> None:
+    def take(self, reading: Reading, gap_s: float = 0.0) -> None:
         """Update by one reading; what is not finite in it is left out.
 
-        unheard_s: between the reading before and the beginning of this one.
+        gap_s: between the reading before and the beginning of this one.
         """
         if not (isfinite(reading.x_m) and isfinite(reading.z_m)):
             return
@@ -194,7 +194,7 @@ class LiftMap:
         matrix, measured, variance = np.array(rows), np.array(values), np.array(noise)
         likelihood = [0.0, 0.0]
         for k in range(2):
-            changed, trend = self._changed(k, unheard_s + reading.since_s)
+            changed, trend = self._changed(k, gap_s + reading.since_s)
             self.maps[k], self.trends[k], likelihood[k] = _updated(
                 *changed, trend, matrix, measured, variance
             )
