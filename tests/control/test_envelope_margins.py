@@ -127,10 +127,10 @@ def test_an_air_of_which_nothing_is_known_leaves_the_tube_s_own_airspeed() -> No
     assert margins(air=unknown, pitot_mps=6.4, flying=False).stall_rad == pytest.approx(0.02)
 
 
-@pytest.mark.parametrize(("faults", "believed"), [(AIRSPEED, False), (GAP, True)])
-def test_a_tube_that_lies_says_nothing(faults: int, believed: bool) -> None:
+@pytest.mark.parametrize(("faults", "accepted"), [(AIRSPEED, False), (GAP, True)])
+def test_a_tube_that_lies_says_nothing(faults: int, accepted: bool) -> None:
     health = HEALTHY._replace(faults=faults)
-    assert (margins(health=health, air=NO_AIR, pitot_mps=6.4).stall_rad < inf) == believed
+    assert (margins(health=health, air=NO_AIR, pitot_mps=6.4).stall_rad < inf) == accepted
 
 
 # --- how certain that is ------------------------------------------------------------------------

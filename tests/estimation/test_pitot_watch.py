@@ -10,8 +10,8 @@ import pytest
 from tgl_soar.config.files import airframe_file, load_airframe
 from tgl_soar.estimation.aerodynamics import lift_drag
 from tgl_soar.estimation.pitot_watch import (
+    ACCEPTED_S,
     APART_RAD,
-    BELIEVED_S,
     LASTS_S,
     NO_PITOT_WATCH,
     PitotMeans,
@@ -161,7 +161,7 @@ def test_one_of_two_that_is_wrong_convicts_nobody(elevator_error: float) -> None
 def test_it_is_accepted_again_when_it_has_agreed_for_long() -> None:
     lying, _ = watched(USUAL, 0.5, 3.0)
     assert lying.lies
-    thawed, _ = watched(USUAL, 1.0, BELIEVED_S, lying)
+    thawed, _ = watched(USUAL, 1.0, ACCEPTED_S, lying)
     assert thawed.lies  # the means have had to come back first
     thawed, _ = watched(USUAL, 1.0, 3.0, thawed)
     assert not thawed.lies

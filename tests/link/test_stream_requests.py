@@ -163,9 +163,9 @@ def test_what_is_refused_otherwise_or_at_any_rate_is_given_up(result: int, word:
     assert slow.wanted(30).given_up  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize(("late_s", "believed"), [(1.9, False), (2.1, True)])
+@pytest.mark.parametrize(("late_s", "accepted"), [(1.9, False), (2.1, True)])
 def test_a_refusal_soon_after_an_answer_that_did_not_come_may_be_of_the_one_before(
-    late_s: float, believed: bool
+    late_s: float, accepted: bool
 ) -> None:
     requests = wanting(200.0, 50.0)
     asked(requests, 10.0)
@@ -173,9 +173,9 @@ def test_a_refusal_soon_after_an_answer_that_did_not_come_may_be_of_the_one_befo
     requests.acknowledged(RESULT_UNSUPPORTED, 10.5 + late_s)
     stream = requests.wanted(31)
     assert stream is not None
-    assert stream.given_up == believed
-    assert stream.refused_once != believed
-    if not believed:  # asked for again, a second refusal is one
+    assert stream.given_up == accepted
+    assert stream.refused_once != accepted
+    if not accepted:  # asked for again, a second refusal is one
         requests._waiting = stream
         requests.acknowledged(RESULT_UNSUPPORTED, 10.5 + late_s)
         assert stream.given_up

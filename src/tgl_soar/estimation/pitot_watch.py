@@ -9,8 +9,8 @@ measured force at one angle of attack only, and two others are known without the
     axial   alpha_f = f_x / −f_z + C_D / C_L                               C_D, C_L: at alpha_t
 
 The tube lies where alpha_u is off both of them to the same side by more than APART_RAD, as means
-of AVERAGE_S, for LASTS_S.  It is believed again when it has been within half of that of either for
-BELIEVED_S.
+of AVERAGE_S, for LASTS_S.  It is accepted again when it has been within half of that of either for
+ACCEPTED_S.
 
 APART_RAD is three standard deviations of what an honest file leaves of one of the two, as
 `estimation.wind` has them: 0.02 rad of trim (the centre of gravity), or 0.016 of the drag and 0.01
@@ -39,7 +39,7 @@ from tgl_soar.types import NAN, Aerodynamics, Inputs, VehicleState, isfinite
 MOST_OF_MEAN: Final = 4.0
 AVERAGE_S: Final = 1.0  # a short period and a gust of some metres are over
 LASTS_S: Final = 0.5
-BELIEVED_S: Final = 5.0
+ACCEPTED_S: Final = 5.0
 APART_RAD: Final = 0.06
 PITOT_AGE_MAX_S: Final = 0.5  # what comes later is of other air
 LEAST_FORCE: Final = 0.3  # of gravity: a wing that carries less says little of the speed
@@ -106,7 +106,7 @@ def pitot_step(
     agrees_s = state.agrees_s
     if isfinite(off):
         agrees_s = agrees_s + dt_s if abs(off) <= 0.5 * APART_RAD else 0.0
-    lies = apart_s >= LASTS_S or (state.lies and agrees_s < BELIEVED_S)
+    lies = apart_s >= LASTS_S or (state.lies and agrees_s < ACCEPTED_S)
     return PitotWatch(means=means, apart_s=apart_s, agrees_s=agrees_s, lies=lies)
 
 
