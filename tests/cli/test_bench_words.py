@@ -179,7 +179,7 @@ class Spoken:
 
     def turn(self, every_second: Any = ()) -> list[str]:
         self.asked.append(list(every_second))
-        return ["heard"]
+        return ["received"]
 
     def command(self, message: Any) -> None:
         self.commanded.append(message)
@@ -204,7 +204,7 @@ def test_a_stop_is_held_until_it_is_answered(answers: list[bool | None], wrong: 
     assert sights == ["up"] * len(answers)
     assert check.done
     assert len(spoken.commanded) == 2 * len(answers) + 2  # a stop without a sight asks nothing
-    assert set(check.taken) == {"heard"}
+    assert set(check.taken) == {"received"}
     assert len(spoken.asked[0]) == 2
 
 
@@ -399,7 +399,7 @@ def test_a_refusal_or_a_slow_line_is_not_ready(
 
 def test_a_firmware_without_parameters_is_reported(capsys: Out) -> None:
     part = preflight._reported(checked(findings=[], wrong=[]), "", show_all=True)
-    assert (part.good, part.doubts) == (True, ("its set-up cannot be read over the link",))
+    assert (part.good, part.warnings) == (True, ("its set-up cannot be read over the link",))
     output = capsys.readouterr().out
     assert "its set-up cannot be read over the link: see docs/hardware.md" in output
     assert "ready" not in output

@@ -29,9 +29,9 @@ def test_what_is_wrong_with_fence_and_lines_is_reported(
         path.write_text(f'[site]\nname = "field"\n{text}')
         site = load_site(path)
         values = load_parameters(PLANE, AIRFRAME, site, path)
-        good, doubts = _place_reported(PLANE, site, values)
-        for doubt in doubts:
-            assert doubt
+        good, warnings = _place_reported(PLANE, site, values)
+        for warning in warnings:
+            assert warning
         return good, " ".join(capsys.readouterr().out.split())
 
     lines = "[lines]\nup = { x_m = 0, z_m = 40 }\n"
@@ -52,7 +52,7 @@ def test_a_contour_of_another_airframe_checks_no_line(capsys: pytest.CaptureFixt
     path = shipped("sites/hill.toml")
     site = load_site(path)
     values = load_parameters(PLANE, AIRFRAME, site, path)
-    assert not _place_reported(PLANE, site, values).doubts
+    assert not _place_reported(PLANE, site, values).warnings
     assert "no line is checked" not in capsys.readouterr().out
     other = replace(PLANE, airframe=replace(PLANE.airframe, name="own"))
     assert _place_reported(other, site, values) == CheckedPart(True, ("no line is checked",))
@@ -84,17 +84,17 @@ def test_the_least_margin_of_all_loops_is_reported(
 
 
 @pytest.mark.parametrize(
-    ("missing", "doubts"),
+    ("missing", "warnings"),
     [("Cm_q", ()), ("CY_beta", ("no margin of roll and heading is computed",))],
 )
 def test_of_a_model_that_is_not_complete_no_margin_is_known(
-    missing: str, doubts: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+    missing: str, warnings: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without the first the rule on board judges none either, and says so itself."""
     model = {name: value for name, value in PLANE.model.items() if name != missing}
     plane = replace(PLANE, model=model)
     values = load_parameters(plane, AIRFRAME, load_site(SITE), SITE)
-    assert _margin_reported(plane, values) == CheckedPart(True, doubts)
+    assert _margin_reported(plane, values) == CheckedPart(True, warnings)
     assert "no gain is checked" in capsys.readouterr().out
 
 
@@ -160,10 +160,10 @@ def test_what_nobody_judges_is_in_the_verdict(tmp_path: Path) -> None:
     site, plane = load_site(path), replace(PLANE, model={})
     part = _place_reported(plane, site, load_parameters(plane, AIRFRAME, site, path))
     assert part.good
-    fence, line, margin = part.doubts
+    fence, line, margin = part.warnings
     assert fence.startswith("the fence is open: ")
     assert line.startswith("line up: the line's point is ")
     assert margin.startswith("no margin is judged: of the airframe DYN_FREQ, ")
     by_attitude = replace(plane, autopilot=replace(plane.autopilot, firmware="px4"))
     found = _place_reported(by_attitude, site, load_parameters(plane, AIRFRAME, site, path))
-    assert found.doubts == (fence, line)
+    assert found.warnings == (fence, line)

@@ -33,7 +33,7 @@ class CheckedPart(NamedTuple):
     """What one part of the check has to say of the verdict."""
 
     good: bool  # nothing of it must be changed
-    doubts: tuple[str, ...] = ()  # what is to be known before a flight all the same
+    warnings: tuple[str, ...] = ()  # what is to be known before a flight all the same
 
 
 def preflight(
@@ -87,9 +87,9 @@ def _concluded(parts: Sequence[CheckedPart]) -> int:
             soft_wrap=True,
         )
         return 1
-    doubts = [doubt for part in parts for doubt in part.doubts]
-    console.print("[green]ready[/green]" + (", but " if doubts else ""), end="")
-    console.print("; ".join(doubts), highlight=False, markup=False, soft_wrap=True)
+    warnings = [warning for part in parts for warning in part.warnings]
+    console.print("[green]ready[/green]" + (", but " if warnings else ""), end="")
+    console.print("; ".join(warnings), highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
@@ -129,10 +129,10 @@ def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> Check
     if fault:
         text = f"cannot be engaged: {fault}"
         console.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
-    doubts = [fence, "no line is checked" if contour else "", *faults]
+    warnings = [fence, "no line is checked" if contour else "", *faults]
     if flavour_of(plane).route.loops == OURS:  # on other routes nobody needs to judge them
-        doubts.append(margins)
-    return CheckedPart(not fault, tuple(filter(None, doubts)))
+        warnings.append(margins)
+    return CheckedPart(not fault, tuple(filter(None, warnings)))
 
 
 def _margin_reported(plane: Airframe, values: ParameterSet) -> CheckedPart:
@@ -196,7 +196,7 @@ def _reported(check: Preflight, too_slow: str, *, show_all: bool) -> CheckedPart
         soft_wrap=True,
     )
     unfit = [finding for finding in wrong if finding.requirement.level == MUST]
-    doubt = "some parameters should be changed" if wrong else ""
+    warning = "some parameters should be changed" if wrong else ""
     if not findings:
-        doubt = "its set-up cannot be read over the link"
-    return CheckedPart(not (unfit or refusal or too_slow), (doubt,) if doubt else ())
+        warning = "its set-up cannot be read over the link"
+    return CheckedPart(not (unfit or refusal or too_slow), (warning,) if warning else ())
