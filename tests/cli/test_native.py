@@ -154,7 +154,7 @@ def test_what_others_may_write_to_is_not_run(place: Path) -> None:
 
 
 as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root can give files away")
-SOMEBODY: int = 12345  # no user of this computer
+OTHER_USER: int = 12345  # no user of this computer
 
 
 def test_an_old_folder_under_a_new_name_is_not_taken(place: Path) -> None:
@@ -192,12 +192,12 @@ def test_what_belongs_to_another_user_is_not_run(place: Path, what: str) -> None
         "library": library,
         "manifest": kept / native.MANIFEST,
     }[what]
-    os.chown(theirs, SOMEBODY, -1)
-    assert printed(USE) == f"{CANNOT}{theirs} belongs to another user (uid {SOMEBODY})"
+    os.chown(theirs, OTHER_USER, -1)
+    assert printed(USE) == f"{CANNOT}{theirs} belongs to another user (uid {OTHER_USER})"
 
 
 @as_root
-@pytest.mark.parametrize("group", [0, SOMEBODY])
+@pytest.mark.parametrize("group", [0, OTHER_USER])
 def test_a_group_may_write_only_if_it_is_its_owner_s_own(place: Path, group: int) -> None:
     """Ubuntu gives each user a group of their own, and makes folders writable by it."""
     kept = made_at(native.folder())

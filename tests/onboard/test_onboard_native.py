@@ -156,7 +156,7 @@ def test_the_sum_of_every_file_of_native_code_is_known_by_its_place(tmp_path: Pa
 
 # --- whose it is ----------------------------------------------------------------------------------
 
-SOMEBODY = 4242
+OWN_USER = 4242
 
 
 def about(mode: int = 0o755, uid: int = 0, gid: int = 0) -> Any:
@@ -168,7 +168,7 @@ class Users:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.members: dict[int, list[str]] = {}
-        monkeypatch.setattr(os, "geteuid", lambda: SOMEBODY)
+        monkeypatch.setattr(os, "geteuid", lambda: OWN_USER)
         monkeypatch.setattr(grp, "getgrgid", lambda gid: SimpleNamespace(gr_mem=self.members[gid]))
         monkeypatch.setattr(pwd, "getpwuid", lambda _uid: SimpleNamespace(pw_name="pilot"))
         self._monkeypatch = monkeypatch
@@ -187,7 +187,7 @@ def users(monkeypatch: pytest.MonkeyPatch) -> Users:
     return Users(monkeypatch)
 
 
-@pytest.mark.parametrize(("uid", "is_ours"), [(0, True), (SOMEBODY, True), (1, False)])
+@pytest.mark.parametrize(("uid", "is_ours"), [(0, True), (OWN_USER, True), (1, False)])
 def test_only_root_s_and_our_own_files_are_flown(users: Users, uid: int, is_ours: bool) -> None:
     words = users.refuses(about(uid=uid))
     assert words == ("" if is_ours else f"/kept belongs to another user (uid {uid})")
@@ -213,19 +213,19 @@ OTHERS = "others may write to /kept: chmod go-w /kept"
 def test_nobody_else_may_write_to_it(
     users: Users, mode: int, sticky_will_do: bool, words: str
 ) -> None:
-    status = about(mode | stat.S_IFDIR, SOMEBODY, SOMEBODY + 1)
+    status = about(mode | stat.S_IFDIR, OWN_USER, OWN_USER + 1)
     assert users.refuses(status, sticky_will_do=sticky_will_do) == words
 
 
 @pytest.mark.parametrize(
     ("gid", "members", "is_private"),
     [
-        (SOMEBODY, [], True),
-        (SOMEBODY, ["pilot"], True),
-        (SOMEBODY, ["pilot", "friend"], False),
-        (SOMEBODY, ["friend"], False),
-        (SOMEBODY, None, True),  # it has no name, and so no members
-        (SOMEBODY + 1, [], False),
+        (OWN_USER, [], True),
+        (OWN_USER, ["pilot"], True),
+        (OWN_USER, ["pilot", "friend"], False),
+        (OWN_USER, ["friend"], False),
+        (OWN_USER, None, True),  # it has no name, and so no members
+        (OWN_USER + 1, [], False),
     ],
 )
 def test_a_group_may_write_that_is_its_owner_s_alone(
@@ -233,7 +233,7 @@ def test_a_group_may_write_that_is_its_owner_s_alone(
 ) -> None:
     if members is not None:
         users.members[gid] = members
-    assert (users.refuses(about(0o775, SOMEBODY, gid)) == "") is is_private
+    assert (users.refuses(about(0o775, OWN_USER, gid)) == "") is is_private
 
 
 def test_what_is_opened_is_no_link_and_named_where_it_lies(tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ class Participants:
         patched.setattr(Lockstep, "meet_stations", lambda _: self.meet("stations"))
         patched.setattr(Lockstep, "readmit", lambda _: self._readmit())
         patched.setattr(
-            Lockstep, "is_somebody_missing", property(lambda _: self.missing > 0), raising=True
+            Lockstep, "is_peer_missing", property(lambda _: self.missing > 0), raising=True
         )
 
     def meet(self, who: str) -> None:

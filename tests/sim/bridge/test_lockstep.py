@@ -73,19 +73,19 @@ def bridge() -> Bridge:
     made.beats[0] = 1
     made.ports.peers[0].datagrams = 7
     made.lockstep.gather()
-    assert made.lockstep.is_somebody_missing
+    assert made.lockstep.is_peer_missing
     return made
 
 
 def test_who_answers_again_is_waited_for_again(bridge: Bridge) -> None:
     bridge.lockstep.readmit()
-    assert bridge.lockstep.is_somebody_missing  # nothing has come since
+    assert bridge.lockstep.is_peer_missing  # nothing has come since
     bridge.ports.peers[0].datagrams = 8
     bridge.lockstep.readmit()
-    assert bridge.lockstep.is_somebody_missing  # it may be another peer at its port
+    assert bridge.lockstep.is_peer_missing  # it may be another peer at its port
     bridge.answer = 1
     bridge.lockstep.readmit()
-    assert not bridge.lockstep.is_somebody_missing
+    assert not bridge.lockstep.is_peer_missing
     assert bridge.reports[-1] == "the companion at 127.0.0.1:0 is back"
 
 
@@ -95,4 +95,4 @@ def test_a_successor_takes_the_place_of_the_companion_that_is_gone(bridge: Bridg
     bridge.beats[1] = 1
     bridge.lockstep.readmit()
     assert bridge.reports[-1] == "the companion at 127.0.0.1:1 takes part"
-    assert not bridge.lockstep.is_somebody_missing
+    assert not bridge.lockstep.is_peer_missing

@@ -201,7 +201,7 @@ def test_who_is_silent_for_longer_than_the_patience_is_given_up_and_named(
     world.answers = {MODULE: 1000}
     world.lockstep.meet_companions()
     assert len(world.waited) == 4
-    assert world.lockstep.is_somebody_missing
+    assert world.lockstep.is_peer_missing
     assert world.reports == [
         "the companion at 127.0.0.1:10 has not answered for 0.35 s:"
         " going on at natural pace without it"
@@ -219,7 +219,7 @@ def test_who_talks_and_does_not_answer_is_asked_again_and_given_up(
     world.answers, world.chatter = {MODULE: 1000}, True
     world.lockstep.meet_companions()
     assert world.asked == [(MODULE, 3_500_000_000)] * 3
-    assert world.lockstep.is_somebody_missing
+    assert world.lockstep.is_peer_missing
     assert world.now_s < 103.0
 
 
@@ -227,7 +227,7 @@ def test_who_answers_within_the_patience_is_not_given_up(monkeypatch: pytest.Mon
     world = gathered(monkeypatch, MODULE, patience_s=0.35)
     world.answers = {MODULE: world.waits + 3}
     world.lockstep.meet_companions()
-    assert not world.lockstep.is_somebody_missing
+    assert not world.lockstep.is_peer_missing
 
 
 def test_one_that_is_silent_does_not_keep_others_from_being_waited_for(
@@ -245,7 +245,7 @@ def test_who_stops_the_bridge_waits_for_nobody(monkeypatch: pytest.MonkeyPatch) 
     world.answers, world.stopping = {MODULE: 1000}, True
     world.lockstep.meet_companions()
     assert world.waited == []
-    assert not world.lockstep.is_somebody_missing
+    assert not world.lockstep.is_peer_missing
 
 
 def test_who_is_forgotten_is_neither_asked_nor_missed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -255,9 +255,9 @@ def test_who_is_forgotten_is_neither_asked_nor_missed(monkeypatch: pytest.Monkey
     assert [link for link, _ in world.asked] == [MODULE]
     world.answers = {MODULE: 1000}
     world.lockstep.meet_companions()
-    assert world.lockstep.is_somebody_missing
+    assert world.lockstep.is_peer_missing
     world.when_forgotten(MODULE)
-    assert not world.lockstep.is_somebody_missing
+    assert not world.lockstep.is_peer_missing
     world.when_forgotten(SECOND)  # no peer
 
 
@@ -379,7 +379,7 @@ def missing(patched: pytest.MonkeyPatch, *links: int, lost: int) -> World:
     world.lockstep.meet_stations()
     for noted in (world.asked, world.reports, world.flushed):
         noted.clear()
-    assert world.lockstep.is_somebody_missing
+    assert world.lockstep.is_peer_missing
     return world
 
 
@@ -388,14 +388,14 @@ def test_one_that_sends_again_is_asked_and_waited_for_once_it_answers(
 ) -> None:
     world = missing(monkeypatch, MODULE, STATION, lost=STATION)
     world.lockstep.readmit()
-    assert world.lockstep.is_somebody_missing
+    assert world.lockstep.is_peer_missing
     assert world.asked == []  # it is silent
     world.peers[STATION].datagrams = 8
     for _ in range(2):
         world.lockstep.readmit()
         assert world.asked == [(STATION, 3_500_000_000)]  # once a second
         assert world.flushed == [([STATION], False)]
-    assert world.lockstep.is_somebody_missing
+    assert world.lockstep.is_peer_missing
     world.now_s += 1.01
     world.lockstep.readmit()
     assert len(world.asked) == 1  # nothing has come since
@@ -424,7 +424,7 @@ def test_a_successor_frees_from_waiting_for_a_companion_but_not_for_a_station(
     world.lockstep.readmit()
     assert world.reports == ["the companion at 127.0.0.1:20 takes part"]
     assert world.paced == [OTHER]
-    assert world.lockstep.is_somebody_missing  # the station
+    assert world.lockstep.is_peer_missing  # the station
     world.lockstep.meet_companions()
     assert [link for link, _ in world.asked] == [MODULE, OTHER]
 

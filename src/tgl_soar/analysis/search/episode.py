@@ -1,4 +1,4 @@
-"""One episode of a search: a flight at a random place, and somebody who moves its line."""
+"""One episode of a search: a flight at a random place, and what moves its line."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SEARCHING: Final = {"TGL_LEAN_MIN": -5.0, "SRCH_START": float(SEARCH_LOOKS)}
 
 
 class Searcher(Protocol):
-    """Somebody who moves the line."""
+    """What moves the line."""
 
     def look(self, look: Sighting) -> LineRequest:
         """Called every `LOOK_S`."""
@@ -123,14 +123,14 @@ def flown_by(flight: EpisodeFlight, name: str, searcher: Callable[[Sighting], Se
         path={},
         landing_m=flight.guards.landing_m,
     )
-    somebody: Searcher | None = None
+    search: Searcher | None = None
     while flight.flies:
         look = flight.look()
         if look is None:
             continue
-        if somebody is None:
-            somebody = searcher(look)
-        if not obeyed(flight, episode, somebody.look(look)):
+        if search is None:
+            search = searcher(look)
+        if not obeyed(flight, episode, search.look(look)):
             break
     return flight.ended(episode)
 

@@ -158,7 +158,7 @@ class Bridge:
         deadline = time.monotonic()
         while not self._over():
             self._step()
-            if lockstep.is_somebody_missing:
+            if lockstep.is_peer_missing:
                 # At natural pace, until they return.
                 traffic.flush()
                 deadline = self._keep_pace(max(deadline, time.monotonic() - self._dt_s))

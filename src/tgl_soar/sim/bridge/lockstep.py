@@ -44,7 +44,7 @@ class Lockstep:
         traffic.when_forgotten = self._forget
 
     @property
-    def is_somebody_missing(self) -> bool:
+    def is_peer_missing(self) -> bool:
         """Whether a participant was given up and has not answered since."""
         return bool(self._missed)
 

@@ -242,8 +242,8 @@ def flown_search(monkeypatch: pytest.MonkeyPatch, job: s.SearchJob) -> tuple[Any
     monkeypatch.setattr(s, "score", lambda _episode: "scored")
     monkeypatch.setattr(s, "searcher", lambda name, *_: name)
     assert cast("Any", s.fly_search(job)) == "scored"
-    ((there, somebody, pitot, _),) = kept
-    return there, somebody, pitot
+    ((there, search, pitot, _),) = kept
+    return there, search, pitot
 
 
 @pytest.mark.parametrize("name", [*s.MANY, s.PATIENT, *s.FEW])
@@ -251,16 +251,16 @@ def flown_search(monkeypatch: pytest.MonkeyPatch, job: s.SearchJob) -> tuple[Any
 def test_each_searcher_flies_the_same_place(
     name: str, kind: Kind, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    there, somebody, pitot = flown_search(monkeypatch, s.SearchJob(kind, 1001, name, True))
+    there, search, pitot = flown_search(monkeypatch, s.SearchJob(kind, 1001, name, True))
     usual_s = {"tunnel": 40.0, "hill": 90.0}[kind]
     patient_s = {"tunnel": 100.0, "hill": 600.0}[kind]
     assert there.duration_s == (patient_s if name == s.PATIENT else usual_s)
     assert (there.kind, there.seed, there.dispersed) == (kind, 1001, True)
     assert pitot == (name != s.NO_PITOT)
     if name in (s.MAP, s.NO_PITOT):
-        assert isinstance(somebody, MapSearch)
+        assert isinstance(search, MapSearch)
     else:
-        assert somebody == (s.WALK if name == s.PATIENT else name)
+        assert search == (s.WALK if name == s.PATIENT else name)
 
 
 def test_blocks_are_of_fifty_places_and_the_others_fly_the_first_fifty() -> None:

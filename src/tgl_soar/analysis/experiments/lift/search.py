@@ -443,11 +443,11 @@ def _draw(folder: Path, scores: list[Score]) -> list[str]:
         found.sort(key=lambda s: not _moved(s, scores))  # one that had to move, if there is one
         if not found:
             continue
-        _, episode, somebody = _flown(place(kind, found[0].seed), MAP, FRAMES_S[kind])
-        assert isinstance(somebody, MapSearch)
+        _, episode, search = _flown(place(kind, found[0].seed), MAP, FRAMES_S[kind])
+        assert isinstance(search, MapSearch)
         names.append(f"search_{kind}.png")
-        grid = somebody.grid
-        search_figure(folder / names[-1], episode, somebody.snapshots, polar, grid.x_m, grid.z_m)
+        grid = search.grid
+        search_figure(folder / names[-1], episode, search.snapshots, polar, grid.x_m, grid.z_m)
     all_missed = failed(scores)
     missed = [
         (kind, s) for kind in KINDS for s in [m for m in all_missed if m.kind == kind][:DRAWN]
