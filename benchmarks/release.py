@@ -185,8 +185,8 @@ class _Process:
         self._socket.close()
 
 
-def _given_back_s(end: Callable[[_Process], None]) -> float:
-    """By the clock, from a signal to the first frame that gives the surfaces back."""
+def _released_s(end: Callable[[_Process], None]) -> float:
+    """By the clock, from a signal to the first frame that releases the surfaces."""
     process = _Process()
     try:
         process.engage()
@@ -211,7 +211,7 @@ def whole_process() -> Iterator[Result]:
     for what, end in ENDS:
         yield Result(
             what=f"surfaces released after: {what}",
-            value=median(_given_back_s(end) for _ in range(REPEATS)) * 1e3,
+            value=median(_released_s(end) for _ in range(REPEATS)) * 1e3,
             reference=ALLOWED_S * 1e3,
             unit="ms",
             reference_what="two ticks",

@@ -195,7 +195,7 @@ class Outcome:
     rms_e_m: float  # of e_rho, while the module flew on
     away_m: float  # at most, from where it was when it failed
     aside_m: float  # at most, of that to either side
-    let_go_m: float  # away when the module disengaged; NaN: it did not
+    released_m: float  # away when the module disengaged; NaN: it did not
 
 
 def mode_word(firmware: str, custom_mode: int) -> str:
@@ -247,7 +247,7 @@ def outcome(
         rms_e_m=float(np.sqrt(np.mean(e[flown] ** 2))) if flown.any() else float("nan"),
         away_m=float(away[in_air].max()),
         aside_m=float(np.abs(moved[1][in_air]).max()),
-        let_go_m=float(away[after & (since <= released)][-1]) if released < inf else float("nan"),
+        released_m=float(away[after & (since <= released)][-1]) if released < inf else float("nan"),
     )
 
 
@@ -296,7 +296,7 @@ def row(name: str, found: Outcome) -> str:
     if found.released_s == inf and found.rms_e_m == found.rms_e_m:
         module += f", e_rho {100 * found.rms_e_m:.1f} cm rms"
     if found.released_s < inf:
-        module += f" ({found.let_go_m:.1f} m away)"
+        module += f" ({found.released_m:.1f} m away)"
     module += f", {found.away_m:.1f} m away at most, {found.aside_m:.1f} m to the side"
     modes = ", ".join(f"{mode} {s:.1f} s" for s, mode in found.modes) or "no change"
     end = "flies"

@@ -51,7 +51,7 @@ def test_every_hazard_names_a_test() -> None:
     assert [row for row in rows if "`test_" not in row] == []
 
 
-WAITS = re.compile(r"wait|until|given_back|shown")  # functions that fail after a time
+WAITS = re.compile(r"wait|until|shown")  # functions that fail after a time
 
 
 class Proof(NamedTuple):

@@ -84,10 +84,10 @@ def test_a_killed_process_is_released_and_its_successor_waits_to_be_asked(module
     pump_until_reported(module, "surfaces released: module was killed by SIGKILL"[:50])
     pump_until_reported(module, "restarted: the flying process was killed by SIGKIL")
     assert child_of(module) != first
-    given_back = len(module.overrides)
+    released = len(module.overrides)
     for _ in range(100):
         module.pump()
-    assert {pulse for _, pulse in module.overrides[given_back:]} <= {0}  # it does not engage
+    assert {pulse for _, pulse in module.overrides[released:]} <= {0}  # it does not engage
     module.overrides.clear()
     module.engage()  # and does when it is asked
     assert module.overrides

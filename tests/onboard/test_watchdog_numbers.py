@@ -33,7 +33,7 @@ class Life(NamedTuple):
     has_surfaces: bool = False
     ends_s: float = 1e9
     status: int = ENDED
-    gives_back_s: float = 1e9  # the surfaces
+    releases_s: float = 1e9  # the surfaces
     obeys: bool = False  # it ends where it is asked to
 
 
@@ -80,7 +80,7 @@ class World:
         assert pid == 100 + len(self.started)
         age_s, life = self.now_s - self.started[-1][0], self._life
         if age_s <= life.shows_until_s:
-            self._page.show(life.has_surfaces and age_s < life.gives_back_s)
+            self._page.show(life.has_surfaces and age_s < life.releases_s)
         if self._dead is None and age_s >= life.ends_s:
             self._dead = life.status
         if self._dead is None:
@@ -158,7 +158,7 @@ def test_a_killed_process_s_surfaces_are_released_before_the_next_is_started(liv
 
 
 def test_a_process_that_has_released_its_surfaces_needs_no_release(live: Live) -> None:
-    world = live(Life(shows_until_s=2.0, has_surfaces=True, gives_back_s=1.0, ends_s=2.0))
+    world = live(Life(shows_until_s=2.0, has_surfaces=True, releases_s=1.0, ends_s=2.0))
     assert world.watch() == 0
     assert not world.released
     assert not world.words

@@ -46,8 +46,8 @@ HEARTBEAT: Final = mavlink.MAVLink_heartbeat_message(
 )
 
 
-def gives_back(message: Any) -> bool:
-    """Whether it only returns channels to the pilot's sticks, as a module does that has let go."""
+def only_releases(message: Any) -> bool:
+    """Whether it only returns channels to the pilot's sticks, as a disengaged module does."""
     if message.get_type() != "RC_CHANNELS_OVERRIDE":
         return False
     given = Overrides()
@@ -219,7 +219,7 @@ class Relay:
             return False
         if kind == "HEARTBEAT":
             self._heartbeats[link] += 1
-        elif kind in COMMANDS and not ground and not gives_back(message):
+        elif kind in COMMANDS and not ground and not only_releases(message):
             self.commands[kind] = self.commands.get(kind, 0) + 1
             self.last_command, self.commanded_step = kind, self._step
         return self.takes_stations or not ground
