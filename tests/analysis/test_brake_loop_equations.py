@@ -161,7 +161,7 @@ def test_the_parts_of_a_jacobian_are_state_brake_elevator_and_what_is_asked() ->
     assert parts.a.tolist() == jacobian[:6, :6].tolist()
     assert parts.brake.tolist() == jacobian[:6, 6:7].tolist()
     assert parts.elevator.tolist() == jacobian[:6, 7:].tolist()
-    assert parts.asks.tolist() == jacobian[6:, :6].tolist()
+    assert parts.gains.tolist() == jacobian[6:, :6].tolist()
     assert parts.through == jacobian[6, 6]
     c, s = cos(radians(100.0)), sin(radians(100.0))
     assert parts.along == pytest.approx(np.array([[c, s, 0, 0, 0, 0], [0, 0, c, s, 0, 0]]))

@@ -41,8 +41,8 @@ def margins(lean_deg: float, gains: dict[str, float]) -> BrakeMargin:
         resolvents = z[:, None, None] * np.eye(len(parts.a)) - parts.a
         return (row.ravel() @ np.linalg.solve(resolvents, column[None])[:, :, 0].T).ravel()
 
-    brake_q, brake_a = gain(q, parts.brake), gain(parts.asks, parts.brake) + parts.through
-    elevator_q, elevator_a = gain(q, parts.elevator), gain(parts.asks, parts.elevator)
+    brake_q, brake_a = gain(q, parts.brake), gain(parts.gains, parts.brake) + parts.through
+    elevator_q, elevator_a = gain(q, parts.elevator), gain(parts.gains, parts.elevator)
     # The sink that is wanted, over that of the whole brake at this speed.
     polar = known.wind.aerodynamics.polar
     slope = (polar_sink(polar, SPEED_MPS + 1e-4) - polar_sink(polar, SPEED_MPS - 1e-4)) / 2e-4
@@ -126,5 +126,5 @@ def test_the_line_asks_at_once_for_what_the_brakes_feed_forward_does() -> None:
     more, less = (brake_effect(known.brake, 0.5 + d, SPEED_MPS) for d in (1e-4, -1e-4))
     elevator = (more.elevator - less.elevator) / 2e-4
     pitch_rad = (more.pitch_rad - less.pitch_rad) / 2e-4
-    assert parts.asks[0, 4] != 0.0
-    assert parts.through == pytest.approx(elevator - parts.asks[0, 4] * pitch_rad, rel=1e-4)
+    assert parts.gains[0, 4] != 0.0
+    assert parts.through == pytest.approx(elevator - parts.gains[0, 4] * pitch_rad, rel=1e-4)

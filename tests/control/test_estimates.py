@@ -229,9 +229,9 @@ def test_the_heading_follows_the_wind_in_flight_alone(monkeypatch: pytest.Monkey
 # --- the pitch that the wind asks for -----------------------------------------------------------
 
 
-@pytest.mark.parametrize(("fraction", "asks"), [(0.0, False), (0.5, True), (1.0, True)])
+@pytest.mark.parametrize(("fraction", "is_requested"), [(0.0, False), (0.5, True), (1.0, True)])
 def test_the_trim_follows_the_glide_at_the_wind_less_the_aircraft_s_own_way(
-    monkeypatch: pytest.MonkeyPatch, fraction: float, asks: bool
+    monkeypatch: pytest.MonkeyPatch, fraction: float, is_requested: bool
 ) -> None:
     asked = asked_of(monkeypatch, "trim_step")
     says(monkeypatch, "wind_step", lambda given: (given[0], given[1]._replace(wind_mps=9.5)))
@@ -240,8 +240,8 @@ def test_the_trim_follows_the_glide_at_the_wind_less_the_aircraft_s_own_way(
     )
     tick(laws_with(WIND_TRIM=fraction))
     glide = asked[0][0][2]
-    assert isnan(glide) != asks
-    if asks:
+    assert isnan(glide) != is_requested
+    if is_requested:
         assert glide == pytest.approx(glide_pitch(AERO, 10.5))
 
 

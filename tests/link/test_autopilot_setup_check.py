@@ -79,8 +79,8 @@ def test_a_parameter_is_asked_for_by_its_name_at_the_autopilot() -> None:
 
 def test_each_is_asked_for_four_times_four_fifths_of_a_second_apart() -> None:
     """3.2 s in all: a radio that loses half of all frames has answered 15 of 16 by then."""
-    asks = reading("A")
-    asked_s = [tick * STEP_S for tick in range(500) if asks.poll(tick * STEP_S)]
+    wanted = reading("A")
+    asked_s = [tick * STEP_S for tick in range(500) if wanted.poll(tick * STEP_S)]
     assert asked_s == pytest.approx([0.0, 0.8, 1.6, 2.4], abs=2.5 * STEP_S)
 
 
@@ -95,79 +95,79 @@ def test_a_name_that_is_given_twice_is_asked_for_once() -> None:
 
 
 def test_what_has_answered_is_asked_for_no_more_and_others_are() -> None:
-    asks = reading("A", "B")
-    asks.poll(0.0)
-    assert asks.take(value("A", 5.0))
-    assert asks.answers == {"A": 5.0}
-    assert names_of(asks.poll(1.0)) == ["B"]
+    wanted = reading("A", "B")
+    wanted.poll(0.0)
+    assert wanted.take(value("A", 5.0))
+    assert wanted.answers == {"A": 5.0}
+    assert names_of(wanted.poll(1.0)) == ["B"]
 
 
 def test_a_parameter_that_was_not_requested_is_not_ours() -> None:
-    asks = reading("A")
-    assert not asks.take(value("Z", 5.0))
-    assert asks.answers == {}
-    assert names_of(asks.poll(0.0)) == ["A"]
+    wanted = reading("A")
+    assert not wanted.take(value("Z", 5.0))
+    assert wanted.answers == {}
+    assert names_of(wanted.poll(0.0)) == ["A"]
 
 
 def test_a_value_that_comes_unasked_counts_too() -> None:
     """As when a station sets it: it was not being waited for, and is another one now."""
-    asks = reading("A")
+    wanted = reading("A")
     for number in (1.0, 2.0):
-        assert asks.take(value("A", number))
-        assert asks.answers == {"A": number}
+        assert wanted.take(value("A", number))
+        assert wanted.answers == {"A": number}
 
 
 def test_whole_numbers_are_read_as_the_firmware_sends_them() -> None:
     (as_float,) = struct.unpack("<f", struct.pack("<i", 3))
-    asks = ParameterReading(Px4(CHANNELS, VEHICLE), VEHICLE, ["COM_RC_IN_MODE"])
-    asks.take(value("COM_RC_IN_MODE", as_float, mavlink.MAV_PARAM_TYPE_INT32))
-    assert asks.answers == {"COM_RC_IN_MODE": 3.0}
+    wanted = ParameterReading(Px4(CHANNELS, VEHICLE), VEHICLE, ["COM_RC_IN_MODE"])
+    wanted.take(value("COM_RC_IN_MODE", as_float, mavlink.MAV_PARAM_TYPE_INT32))
+    assert wanted.answers == {"COM_RC_IN_MODE": 3.0}
 
 
 def test_it_is_done_when_each_has_answered_or_has_had_time_to_after_the_last_request() -> None:
-    asks = reading("A", "B")
-    assert not asks.done(0.0)
-    asks.take(value("A", 1.0))
+    wanted = reading("A", "B")
+    assert not wanted.done(0.0)
+    wanted.take(value("A", 1.0))
     for asked_s in (0.0, 1.0, 2.0, 3.0):
-        assert not asks.done(asked_s + 0.9)
-        assert names_of(asks.poll(asked_s)) == ["B"]
-    assert not asks.done(3.7)
-    assert asks.done(3.9)
-    asks.take(value("B", 1.0))
-    assert asks.done(3.0)
+        assert not wanted.done(asked_s + 0.9)
+        assert names_of(wanted.poll(asked_s)) == ["B"]
+    assert not wanted.done(3.7)
+    assert wanted.done(3.9)
+    wanted.take(value("B", 1.0))
+    assert wanted.done(3.0)
 
 
 def test_of_some_it_is_known_once_they_were_asked_for_and_had_time() -> None:
-    asks = reading("A", "B", "C")
-    assert not asks.done(5.0, ["A"])  # not asked for yet
-    asks.poll(5.0)
-    assert not asks.done(5.7, ["A"])
-    assert asks.done(5.9, ["A"])
-    assert asks.done(5.9, ["A", "B"])
-    assert not asks.done(5.9, ["A", "C"])  # the third was not asked for
-    asks.take(value("C", 1.0))
-    assert asks.done(5.9, ["A", "C"])
-    assert not asks.done(5.9)  # not all of them four times
+    wanted = reading("A", "B", "C")
+    assert not wanted.done(5.0, ["A"])  # not asked for yet
+    wanted.poll(5.0)
+    assert not wanted.done(5.7, ["A"])
+    assert wanted.done(5.9, ["A"])
+    assert wanted.done(5.9, ["A", "B"])
+    assert not wanted.done(5.9, ["A", "C"])  # the third was not asked for
+    wanted.take(value("C", 1.0))
+    assert wanted.done(5.9, ["A", "C"])
+    assert not wanted.done(5.9)  # not all of them four times
 
 
 def test_after_a_restart_nothing_is_known_and_all_are_asked_for_again() -> None:
-    asks = reading("A", "B")
-    asks.poll(0.0)
-    asks.take(value("A", 1.0))
-    asks.restart()
-    assert asks.answers == {}
-    assert names_of(asks.poll(0.02)) == ["B", "A"]
+    wanted = reading("A", "B")
+    wanted.poll(0.0)
+    wanted.take(value("A", 1.0))
+    wanted.restart()
+    assert wanted.answers == {}
+    assert names_of(wanted.poll(0.02)) == ["B", "A"]
 
 
 def test_what_is_asked_for_again_stands_until_it_answers() -> None:
-    asks = reading("A", "B", burst=9)
-    asks.take(value("A", 1.0))
-    asks.take(value("B", 2.0))
-    asks.ask(["B"])
-    assert asks.answers == {"A": 1.0, "B": 2.0}
-    assert names_of(asks.poll(0.0)) == ["B"]
-    asks.take(value("B", 3.0))
-    assert asks.answers["B"] == 3.0
+    wanted = reading("A", "B", burst=9)
+    wanted.take(value("A", 1.0))
+    wanted.take(value("B", 2.0))
+    wanted.ask(["B"])
+    assert wanted.answers == {"A": 1.0, "B": 2.0}
+    assert names_of(wanted.poll(0.0)) == ["B"]
+    wanted.take(value("B", 3.0))
+    assert wanted.answers["B"] == 3.0
 
 
 # --- the inquiry ---------------------------------------------------------------------------------

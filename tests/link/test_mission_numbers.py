@@ -40,8 +40,10 @@ def reading() -> MissionReading:
 def asked_times(reading: MissionReading, from_s: float, kind: type[Outbound]) -> list[float]:
     """When it asks, of ten seconds, looked at sixteen times a second."""
     looks = [i / 16 for i in range(160)]
-    asks = [any(isinstance(each, kind) for each in reading.poll(from_s + at_s)) for at_s in looks]
-    return [at_s for at_s, is_asked in zip(looks, asks, strict=True) if is_asked]
+    requests = [
+        any(isinstance(each, kind) for each in reading.poll(from_s + at_s)) for at_s in looks
+    ]
+    return [at_s for at_s, is_requested in zip(looks, requests, strict=True) if is_requested]
 
 
 def test_before_it_is_asked_to_nothing_is_known_and_nothing_asked(reading: MissionReading) -> None:

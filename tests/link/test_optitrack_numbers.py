@@ -106,7 +106,7 @@ class Talk:
         self.client.notices.clear()
         return texts
 
-    def asks(self, after_s: float = 0.0) -> list[int]:
+    def requests(self, after_s: float = 0.0) -> list[int]:
         """The messages that it sends."""
         self.now_s += after_s
         return [layout.message_of(data) for data in self.client.poll(self.now_s)]
@@ -250,7 +250,7 @@ def test_after_fifty_messages_that_cannot_be_read_it_is_asked_who_it_is(data: by
     assert len(talk.words()) == 1
     talk.gives(data)
     assert talk.client.info is None
-    talk.asks()
+    talk.requests()
     talk.gives(INFO)
     for _ in range(49):  # and it is counted from the beginning
         talk.gives(data)
@@ -296,14 +296,14 @@ def test_a_pose_may_be_as_old_as_the_site_says(age_s: float, used: bool) -> None
 
 def test_a_body_that_is_not_in_the_frame_is_absent_and_may_have_another_id() -> None:
     talk = Talk()
-    talk.asks()
+    talk.requests()
     talk.now_s += 1.0
     talk.gives(talk.frame())
-    assert layout.MODELS_REQUEST not in talk.asks()
+    assert layout.MODELS_REQUEST not in talk.requests()
     assert talk.gives(talk.frame(age_s=-0.001, body=None)) is None
     assert talk.client.counters.absent == 1
     assert talk.words() == ["'glider' is not in the frames"]
-    assert layout.MODELS_REQUEST in talk.asks()
+    assert layout.MODELS_REQUEST in talk.requests()
     # Meanwhile the old id is used.
     assert talk.sees() is not None
 
@@ -312,12 +312,12 @@ def test_a_jump_may_be_another_bodys_id() -> None:
     talk = Talk()
     for _ in range(3):
         assert talk.sees() is not None
-    assert layout.MODELS_REQUEST not in talk.asks(0.005)
+    assert layout.MODELS_REQUEST not in talk.requests(0.005)
     far = GLIDER._replace(position_m=(2.0, 2.0, 3.0))
     talk.now_s += 0.01
     assert talk.gives(talk.frame(body=far)) is None
     assert talk.client.counters.jumps == 1
-    assert layout.MODELS_REQUEST in talk.asks()
+    assert layout.MODELS_REQUEST in talk.requests()
 
 
 def test_definitions_that_have_changed_are_asked_for_once_and_nothing_is_used_until_then() -> None:
@@ -327,7 +327,7 @@ def test_definitions_that_have_changed_are_asked_for_once_and_nothing_is_used_un
     assert talk.gives(talk.frame(changed=True)) is None
     assert talk.client.counters.unready == 1
     assert talk.client.models == {}
-    assert layout.MODELS_REQUEST in talk.asks()
+    assert layout.MODELS_REQUEST in talk.requests()
     talk.gives(encode_models((4, 1), [GLIDER]))
     talk.now_s += 0.01
     assert talk.gives(talk.frame(changed=True)) is not None  # the flag stands for a while
@@ -339,7 +339,7 @@ def test_definitions_that_have_changed_are_asked_for_once_and_nothing_is_used_un
 def test_the_first_frame_may_say_it_too() -> None:
     talk = Talk()
     assert talk.gives(talk.frame(changed=True)) is None
-    assert layout.MODELS_REQUEST in talk.asks()
+    assert layout.MODELS_REQUEST in talk.requests()
 
 
 @pytest.mark.parametrize(("number", "used"), [(501, True), (500, False), (3, False)])

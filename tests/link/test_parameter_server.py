@@ -34,7 +34,7 @@ def server() -> ParameterServer:
     return ParameterServer(OWN, ParameterSet())
 
 
-def ask(
+def request(
     server: ParameterServer,
     message: Inbound,
     *,
@@ -60,7 +60,7 @@ def collected(server: ParameterServer, seconds: float, step_s: float = 0.005) ->
 
 def test_a_listing_gives_every_parameter_once_in_under_two_seconds() -> None:
     served = server()
-    assert ask(served, ParamRequestList(1, 191)) == []
+    assert request(served, ParamRequestList(1, 191)) == []
     values = collected(served, 2.0)
     assert [v.param_index for v in values] == list(range(len(PARAMETERS)))
     assert [v.param_id for v in values] == [p.name for p in PARAMETERS]
@@ -72,7 +72,7 @@ def test_a_listing_gives_every_parameter_once_in_under_two_seconds() -> None:
 @pytest.mark.parametrize("target", [(1, 191), (1, 0), (0, 0), (0, 191)])
 def test_a_broadcast_is_meant_for_us_too(target: tuple[int, int]) -> None:
     served = server()
-    ask(served, ParamRequestList(*target))
+    request(served, ParamRequestList(*target))
     assert served.poll(0.0)
 
 
@@ -80,8 +80,8 @@ def test_a_broadcast_is_meant_for_us_too(target: tuple[int, int]) -> None:
 def test_what_is_meant_for_others_is_left_alone(target: tuple[int, int]) -> None:
     served = server()
     before = served.values
-    assert ask(served, ParamRequestList(*target)) == []
-    assert ask(served, ParamRequestRead(*target, "TGL_X", -1)) == []
+    assert request(served, ParamRequestList(*target)) == []
+    assert request(served, ParamRequestRead(*target, "TGL_X", -1)) == []
     for name in ("TGL_X", "NOPE"):
         change = ParamSet(
             target_system=target[0],
@@ -90,7 +90,7 @@ def test_what_is_meant_for_others_is_left_alone(target: tuple[int, int]) -> None
             param_value=1.0,
             param_type=REAL32,
         )
-        assert ask(served, change) == []
+        assert request(served, change) == []
     assert served.poll(0.0) == []
     assert served.values is before
 
@@ -98,7 +98,7 @@ def test_what_is_meant_for_others_is_left_alone(target: tuple[int, int]) -> None
 def test_our_own_echo_is_not_answered() -> None:
     served = server()
     assert (
-        ask(
+        request(
             served,
             ParamSet(
                 target_system=1,
@@ -116,8 +116,8 @@ def test_our_own_echo_is_not_answered() -> None:
 
 def test_reading_by_name_and_by_index() -> None:
     served = server()
-    ask(served, ParamRequestRead(1, 191, "TGL_LEAN", -1))
-    ask(served, ParamRequestRead(1, 191, "", 0))
+    request(served, ParamRequestRead(1, 191, "TGL_LEAN", -1))
+    request(served, ParamRequestRead(1, 191, "", 0))
     first, second = served.poll(0.0)
     assert first == ParamValue(
         param_id="TGL_LEAN",
@@ -132,12 +132,14 @@ def test_reading_by_name_and_by_index() -> None:
 
 def test_reading_what_is_not_there() -> None:
     served = server()
-    assert words(ask(served, ParamRequestRead(1, 191, "SYSID", -1))) == "SYSID: no such parameter"
-    assert "index 999" in words(ask(served, ParamRequestRead(1, 191, "", 999)))
-    # To all components: it is another one's parameter.
-    assert ask(served, ParamRequestRead(1, 0, "ARSPD_FBW_MIN", -1)) == []
     assert (
-        ask(
+        words(request(served, ParamRequestRead(1, 191, "SYSID", -1))) == "SYSID: no such parameter"
+    )
+    assert "index 999" in words(request(served, ParamRequestRead(1, 191, "", 999)))
+    # To all components: it is another one's parameter.
+    assert request(served, ParamRequestRead(1, 0, "ARSPD_FBW_MIN", -1)) == []
+    assert (
+        request(
             served,
             ParamSet(
                 target_system=1,
@@ -153,7 +155,7 @@ def test_reading_what_is_not_there() -> None:
 
 def test_a_set_takes_effect_at_once_and_is_answered_with_the_exact_value() -> None:
     served = server()
-    answers = ask(
+    answers = request(
         served,
         ParamSet(
             target_system=1,
@@ -188,7 +190,7 @@ def test_a_refused_set_is_answered_with_what_stands_and_why(
 ) -> None:
     served = server()
     before = served.values
-    answers = ask(
+    answers = request(
         served,
         ParamSet(
             target_system=1, target_component=191, param_id=name, param_value=value, param_type=kind
@@ -205,7 +207,7 @@ def test_an_unknown_name_is_reported() -> None:
     served = server()
     assert (
         words(
-            ask(
+            request(
                 served,
                 ParamSet(
                     target_system=1,
@@ -227,7 +229,7 @@ def errors(answers: list[Outbound]) -> list[ParamError]:
 def test_a_refusal_is_reported_to_programs_too() -> None:
     """PARAM_ERROR goes to the station that asked, and says which of the three it is."""
     served = server()
-    unknown = ask(
+    unknown = request(
         served,
         ParamSet(
             target_system=1,
@@ -246,7 +248,7 @@ def test_a_refusal_is_reported_to_programs_too() -> None:
             error=PARAM_ERROR_DOES_NOT_EXIST,
         )
     ]
-    by_index = ask(served, ParamRequestRead(1, 191, "", 999))
+    by_index = request(served, ParamRequestRead(1, 191, "", 999))
     assert errors(by_index) == [
         ParamError(
             target_system=255,
@@ -256,7 +258,7 @@ def test_a_refusal_is_reported_to_programs_too() -> None:
             error=PARAM_ERROR_DOES_NOT_EXIST,
         )
     ]
-    bad = ask(
+    bad = request(
         served,
         ParamSet(
             target_system=1,
@@ -298,7 +300,7 @@ def test_a_refusal_is_reported_to_programs_too() -> None:
     ]
     assert (
         errors(
-            ask(
+            request(
                 served,
                 ParamSet(
                     target_system=1,
@@ -315,7 +317,7 @@ def test_a_refusal_is_reported_to_programs_too() -> None:
 
 def test_a_number_that_was_an_integer_at_the_station_is_taken() -> None:
     served = server()
-    ask(
+    request(
         served,
         ParamSet(
             target_system=1,
@@ -330,7 +332,7 @@ def test_a_number_that_was_an_integer_at_the_station_is_taken() -> None:
 
 def test_the_loop_rate_stays_while_flying() -> None:
     served = server()
-    answers = ask(
+    answers = request(
         served,
         ParamSet(
             target_system=1,
@@ -343,7 +345,7 @@ def test_the_loop_rate_stays_while_flying() -> None:
     )
     assert "not while flying" in words(answers)
     assert served.values["LOOP_RATE"] == 200.0
-    ask(
+    request(
         served,
         ParamSet(
             target_system=1,
@@ -358,7 +360,7 @@ def test_the_loop_rate_stays_while_flying() -> None:
 
 def test_a_change_by_the_module_itself_is_reported() -> None:
     served = server()
-    ask(
+    request(
         served,
         ParamSet(
             target_system=1,
@@ -384,8 +386,8 @@ def test_a_flood_of_requests_is_answered_at_its_own_pace() -> None:
     answered = 0
     for i in range(2000):
         now_s = i / 2000
-        ask(served, ParamRequestRead(1, 191, "", i % len(PARAMETERS)), now_s=now_s)
-        ask(served, ParamRequestList(1, 191), now_s=now_s)
+        request(served, ParamRequestRead(1, 191, "", i % len(PARAMETERS)), now_s=now_s)
+        request(served, ParamRequestList(1, 191), now_s=now_s)
         answered += len(served.poll(now_s))
     assert answered <= VALUES_PER_S + VALUES_PER_POLL
     assert answered >= 0.95 * VALUES_PER_S
@@ -395,7 +397,7 @@ def test_a_flood_of_bad_sets_is_reported_in_few_words_but_always_answered() -> N
     served = server()
     values = texts = 0
     for i in range(1000):
-        answers = ask(
+        answers = request(
             served,
             ParamSet(
                 target_system=1,
@@ -414,10 +416,10 @@ def test_a_flood_of_bad_sets_is_reported_in_few_words_but_always_answered() -> N
 
 def test_a_lost_answer_is_asked_for_again_by_index() -> None:
     served = server()
-    ask(served, ParamRequestList(1, 191))
+    request(served, ParamRequestList(1, 191))
     lost = {v.param_index for v in collected(served, 2.0) if v.param_index % 5 == 0}
     for index in sorted(lost):
-        ask(served, ParamRequestRead(1, 191, "", index), now_s=2.0)
+        request(served, ParamRequestRead(1, 191, "", index), now_s=2.0)
     again: set[int] = set()
     for i in range(400):
         again |= {m.param_index for m in served.poll(2.0 + i * 0.005) if isinstance(m, ParamValue)}
@@ -448,7 +450,7 @@ def test_long_texts_have_numbers_of_their_own() -> None:
 
 
 def hash_of(values: ParameterServer, *, component: int = 191) -> int:
-    assert ask(values, ParamRequestRead(1, component, HASH, -1)) == []
+    assert request(values, ParamRequestRead(1, component, HASH, -1)) == []
     (answer,) = collected(values, 0.1)
     assert (answer.param_id, answer.param_type) == ("_HASH_CHECK", 5)  # UINT32, as its bytes
     assert (answer.param_count, answer.param_index) == (len(PARAMETERS), 65535)
@@ -477,7 +479,7 @@ def test_the_hash_is_that_of_px4_over_names_and_values() -> None:
 def test_the_hash_changes_with_every_value_and_comes_back() -> None:
     values = server()
     before = hash_of(values)
-    ask(
+    request(
         values,
         ParamSet(
             target_system=1,
@@ -488,7 +490,7 @@ def test_the_hash_changes_with_every_value_and_comes_back() -> None:
         ),
     )
     assert hash_of(values) != before
-    ask(
+    request(
         values,
         ParamSet(
             target_system=1,
@@ -514,10 +516,10 @@ def test_the_hash_arrives_as_it_is_whatever_its_bits() -> None:
 
 def test_the_hash_is_in_no_list_and_setting_it_sets_nothing() -> None:
     values = server()
-    ask(values, ParamRequestList(1, 191))
+    request(values, ParamRequestList(1, 191))
     assert HASH not in {m.param_id for m in collected(values, 3.0)}
     before = values.values
-    (answer,) = ask(
+    (answer,) = request(
         values,
         ParamSet(
             target_system=1, target_component=191, param_id=HASH, param_value=1.0, param_type=5

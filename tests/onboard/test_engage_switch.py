@@ -212,23 +212,23 @@ def test_only_who_asks_to_engage_has_the_autopilot_asked_again(bench: Bench) -> 
 
 def test_what_is_unfit_is_refused_but_for_who_forces_it_or_flies(bench: Bench) -> None:
     bench.values["GPS_ACC_H"], bench.accuracy = 2.0, (3.0, 1.0)
-    asks = bench.switch.refusal
-    assert asks(1.0) == f"receiver uncertain by 3.0 m: above GPS_ACC_H; {OVERRIDE}"
+    refusal = bench.switch.refusal
+    assert refusal(1.0) == f"receiver uncertain by 3.0 m: above GPS_ACC_H; {OVERRIDE}"
     bench.held_back = "not set up"
-    assert asks(1.0) == f"not set up; {OVERRIDE}"
+    assert refusal(1.0) == f"not set up; {OVERRIDE}"
     bench.line_fault = "the line is out"
-    assert asks(1.0) == f"the line is out; {OVERRIDE}"
+    assert refusal(1.0) == f"the line is out; {OVERRIDE}"
     bench.values["OP_FORCE"] = 1.0
-    assert asks(1.0) == ""
+    assert refusal(1.0) == ""
     bench.values["OP_FORCE"], bench.values["OP_ENGAGE"] = 0.0, 1.0
-    assert asks(1.0) == ""
+    assert refusal(1.0) == ""
     # A refusal that OP_FORCE does not override.
     bench.values["OP_FORCE"], bench.values["OP_GCS_LOSS"] = 1.0, 1.0
-    assert asks(1.0).startswith("no ground station for 5 s")
+    assert refusal(1.0).startswith("no ground station for 5 s")
     bench.engagement.abort("system 9")
-    assert asks(1.0).startswith("aborted by system 9")
+    assert refusal(1.0).startswith("aborted by system 9")
     bench.values["OP_RC_CHAN"] = 5.0
-    assert asks(1.0) == "the pilot's switch: no RC_CHANNELS are received (OP_RC_CHAN = 5)"
+    assert refusal(1.0) == "the pilot's switch: no RC_CHANNELS are received (OP_RC_CHAN = 5)"
 
 
 # --- turned -------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ def file_request(opcode: int, data: bytes = b"", *, offset: int = 0, size: int =
     return list((head + data).ljust(251, b"\0"))
 
 
-def ask_for_file(station: Station, payload: list[int], component: int = 191) -> None:
+def request_file(station: Station, payload: list[int], component: int = 191) -> None:
     station.say(mavlink.MAVLink_file_transfer_protocol_message(0, 1, component, payload))
 
 
@@ -43,13 +43,13 @@ def test_a_request_for_a_file_is_answered_at_once_and_where_it_was_asked(flight:
     flight.outbound()
     opens = file_request(4, b"@PARAM/param.pck")
     for component in (191, 1, 0):
-        ask_for_file(station, opens, component)
+        request_file(station, opens, component)
     (answer,) = of_files(station.received())
     assert (answer.target_system, answer.target_component) == (255, 190)
     assert answer.payload[:4] == [8, 0, 1, 129]
     assert "FILE_TRANSFER_PROTOCOL" not in kinds(flight.outbound())
     for _ in range(500):
-        ask_for_file(station, opens)
+        request_file(station, opens)
     assert len(station.received()) <= 20  # a flood is not
 
 
@@ -57,12 +57,12 @@ def test_a_station_reads_what_our_parameters_mean(flight: Flight) -> None:
     station = Station(flight)
     flight.run(0.1)
     station.received()
-    ask_for_file(station, file_request(4, b"/parameters.json.xz"))
+    request_file(station, file_request(4, b"/parameters.json.xz"))
     (opened,) = of_files(station.received())
     (size,) = unpack_from("<I", bytes(opened.payload), 12)
     read, bursts = b"", 0
     while len(read) < size and bursts < 5:
-        ask_for_file(station, file_request(15, offset=len(read), size=239))
+        request_file(station, file_request(15, offset=len(read), size=239))
         bursts += 1
         flight.run(4.5)
         for piece in of_files(station.received()):
@@ -75,12 +75,12 @@ def test_a_station_reads_what_our_parameters_mean(flight: Flight) -> None:
 def test_files_take_half_of_the_telemetry_s_budget_and_numbers_keep_coming(flight: Flight) -> None:
     station = Station(flight)
     flight.run(2.0)
-    ask_for_file(station, file_request(4, b"/parameters.json.xz"))
+    request_file(station, file_request(4, b"/parameters.json.xz"))
     station.received()
     seconds, budget = 10.0, flight.onboard.settings.values["TEL_BUDGET"]
     sent: list[Any] = []
     for _ in range(round(seconds)):
-        ask_for_file(station, file_request(15, size=239))  # again and again: no more comes of it
+        request_file(station, file_request(15, size=239))  # again and again: no more comes of it
         flight.run(1.0)
         sent += station.received()
     bytes_of = {
@@ -98,10 +98,10 @@ def test_files_take_half_of_the_telemetry_s_budget_and_numbers_keep_coming(fligh
 def test_a_busy_computer_sends_no_files(flight: Flight) -> None:
     station = Station(flight)
     flight.run(0.5)
-    ask_for_file(station, file_request(4, b"/parameters.json.xz"))
+    request_file(station, file_request(4, b"/parameters.json.xz"))
     station.received()
     operators = flight.onboard._operators
-    ask_for_file(station, file_request(15, size=239))
+    request_file(station, file_request(15, size=239))
     for n in range(100):
         operators.serve(flight.now_s + 0.02 * n, sheds=True)
     assert of_files(station.received()) == []

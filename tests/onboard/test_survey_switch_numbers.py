@@ -94,32 +94,32 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 def test_what_a_survey_needs_is_asked_in_this_order(bench: Bench) -> None:
     bench.values["SRV_START"] = 0.0
-    asks = bench.switch.refusal
-    assert asks(1.0) == "it does not soar on a line that stands still"  # no tick yet
+    refusal = bench.switch.refusal
+    assert refusal(1.0) == "it does not soar on a line that stands still"  # no tick yet
     bench.tick()
-    assert asks(1.0) == ""
+    assert refusal(1.0) == ""
     bench.tick(moving=True)
-    assert "stands still" in asks(1.0)
+    assert "stands still" in refusal(1.0)
     bench.tick(mode=modes.CAPTURING)
-    assert "stands still" in asks(1.0)
+    assert "stands still" in refusal(1.0)
     bench.tick()
     bench.fence = "the fence is open"
-    assert asks(1.0) == "the fence is open"
+    assert refusal(1.0) == "the fence is open"
     bench.values["CLEAR_MIN"] = 0.0
-    assert asks(1.0).startswith("CLEAR_MIN is 0")
+    assert refusal(1.0).startswith("CLEAR_MIN is 0")
     bench.values["FC_ACT"] = 0.0
-    assert asks(1.0).startswith("the forecast is off")
+    assert refusal(1.0).startswith("the forecast is off")
     none = SimpleNamespace(aerodynamics=SimpleNamespace(polar=SimpleNamespace(c0=float("nan"))))
     bench.laws = SimpleNamespace(wind=none, line=bench.laws.line)
-    assert "no [polar]" in asks(1.0)
+    assert "no [polar]" in refusal(1.0)
     bench.values["TGL_HOLD"] = 1.0
-    assert asks(1.0).startswith("a point of the line is held")
+    assert refusal(1.0).startswith("a point of the line is held")
     for search, blocks in ((1.0, True), (2.0, True), (3.0, True), (4.0, False), (0.0, False)):
         bench.values["SRCH_START"] = search
-        assert asks(1.0).startswith("a search has the line") == blocks
+        assert refusal(1.0).startswith("a search has the line") == blocks
     for value in (2.0, 3.0, -1.0):
-        assert asks(value).startswith("set 1 to survey")
-    assert asks(0.0) == ""
+        assert refusal(value).startswith("set 1 to survey")
+    assert refusal(0.0) == ""
 
 
 def test_one_at_a_time(bench: Bench) -> None:

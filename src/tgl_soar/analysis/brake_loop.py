@@ -51,12 +51,12 @@ class BrakeMargin(NamedTuple):
 
 
 class _Opened(NamedTuple):
-    """x' = a x + brake u_b + elevator u_e; the laws ask for asks x + through u_b of elevator."""
+    """x' = a x + brake u_b + elevator u_e; the laws command gains x + through u_b of elevator."""
 
     a: Matrix
     brake: Matrix
     elevator: Matrix
-    asks: Matrix
+    gains: Matrix
     through: float
     along: Matrix  # place and speed along the line
 
@@ -82,20 +82,20 @@ def brake_margin(laws: Laws, condition: Condition) -> BrakeMargin:
     brake, elevator = (np.vstack([b, [[0.0]]]) for b in (opened.brake, opened.elevator))
     by_brake = scale * gains.kv * asked
     by_brake[0, n] = scale
-    by_elevator = np.hstack([opened.asks, [[0.0]]])
+    by_elevator = np.hstack([opened.gains, [[0.0]]])
 
     both = brake + elevator * opened.through  # what a brake does, its feed-forward with it
     pitched = a + elevator @ by_elevator
     stable = _is_stable(pitched + both @ by_brake)
     along = _loop(pitched, both, by_brake, dt)
     held = _loop(a + brake @ by_brake, elevator, by_elevator + opened.through * by_brake, dt)
-    alone = _loop(opened.a, opened.elevator, opened.asks, dt)
+    alone = _loop(opened.a, opened.elevator, opened.gains, dt)
     above = np.flatnonzero(np.abs(along) >= 1.0)
     return BrakeMargin(
         alpha=_disk(along) if stable else 0.0,
         crossover_radps=float(FREQUENCIES_RADPS[above[-1]]) if len(above) else 0.0,
         elevator_alpha=_disk(held) if stable else 0.0,
-        line_alpha=_disk(alone) if _is_stable(opened.a + opened.elevator @ opened.asks) else 0.0,
+        line_alpha=_disk(alone) if _is_stable(opened.a + opened.elevator @ opened.gains) else 0.0,
     )
 
 
@@ -203,7 +203,7 @@ def _parts(jacobian: Matrix, size: int, eta_rad: float) -> _Opened:
         a=jacobian[:size, :size],
         brake=jacobian[:size, size : size + 1],
         elevator=jacobian[:size, size + 1 :],
-        asks=jacobian[size:, :size],
+        gains=jacobian[size:, :size],
         through=float(jacobian[size:, size][0]),
         along=along,
     )

@@ -93,8 +93,8 @@ class LaunchLandingSwitch:
     def _end_break(self, output: Output) -> None:
         """What has broken off need not be asked for any more."""
         now = output.time_s
-        asks = goes_home(output.mode) and self._settings.values["ESC_START"] == BREAK
-        if not asks or now < self._here_s:
+        is_requested = goes_home(output.mode) and self._settings.values["ESC_START"] == BREAK
+        if not is_requested or now < self._here_s:
             self._here_s = now
         elif now - self._here_s >= SHOW_BREAK_S:
             self._put_back("ESC_START")

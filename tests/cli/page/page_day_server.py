@@ -47,7 +47,7 @@ class Operator:
         opened = connect(self._address, ping_interval=None, close_timeout=0.0)
         self._socket = opened.__enter__()
         self.opened += 1
-        self.ask("hello", name="a day")
+        self.request("hello", name="a day")
 
     def _read(self) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -60,7 +60,7 @@ class Operator:
                 if not self._ended:
                     self._open()  # as a page does
 
-    def ask(self, what: str, **fields: Any) -> None:
+    def request(self, what: str, **fields: Any) -> None:
         """One request; a connection that is closed meanwhile takes none."""
         from websockets.exceptions import ConnectionClosed
 
@@ -70,10 +70,10 @@ class Operator:
     def drag(self, minute: int) -> None:
         """Look at two places, and move to the second; and set a gain."""
         x, z = B if minute % 2 else A
-        self.ask("look", x=0.5 * (x + A[0]), z=z, lean=15.0)
-        self.ask("look", x=x, z=z, lean=15.0)
-        self.ask("move", x=x, z=z, lean=15.0)
-        self.ask("set", name="RHO_P", value=0.5 + 0.001 * (minute % 100))
+        self.request("look", x=0.5 * (x + A[0]), z=z, lean=15.0)
+        self.request("look", x=x, z=z, lean=15.0)
+        self.request("move", x=x, z=z, lean=15.0)
+        self.request("set", name="RHO_P", value=0.5 + 0.001 * (minute % 100))
         self.moves += 1
 
     def end(self) -> None:

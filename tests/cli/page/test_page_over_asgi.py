@@ -57,12 +57,12 @@ def answered(
         "server": ("127.0.0.1", 8191),
     }
     sent: list[dict[str, Any]] = []
-    asks = [{"type": "http.request", "body": b"", "more_body": False}]
+    requests = [{"type": "http.request", "body": b"", "more_body": False}]
 
     async def receive() -> dict[str, Any]:
-        if not asks:  # no page disconnects
+        if not requests:  # no page disconnects
             await asyncio.Event().wait()
-        return asks.pop()
+        return requests.pop()
 
     async def send(message: Any) -> None:
         sent.append(message)

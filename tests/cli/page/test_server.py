@@ -62,9 +62,9 @@ class Page:
         self.socket = opened(served, **options)
         self.state: dict[str, Any] = {}
         self.notices: list[str] = []
-        self.ask("hello", name=name)
+        self.request("hello", name=name)
 
-    def ask(self, what: str, **fields: Any) -> None:
+    def request(self, what: str, **fields: Any) -> None:
         self.socket.send(json.dumps({"do": what, "token": TOKEN, **fields}))
 
     def until(self, condition: Any) -> None:
@@ -193,7 +193,7 @@ def test_garbage_and_floods_close_the_page_and_change_nothing(
     flood = Page(served)
     with suppress(exceptions.ConnectionClosed):
         for _ in range(5000):
-            flood.ask("look", x=0.2, z=1.2, lean=15)
+            flood.request("look", x=0.2, z=1.2, lean=15)
     assert flood.closed() == (1008, "too many requests: open the page again")
     watcher.until(lambda page: page.state.get("holder") == 0)
     now = dict(watcher.state["now"])
@@ -248,17 +248,17 @@ def test_ten_pages_and_one_that_takes_nothing(served: Served) -> None:
 
 def test_of_two_operators_one_holds_the_line(served: Served, flying: Flying) -> None:
     anna, bert = Page(served, "Anna"), Page(served, "Bert")
-    anna.ask("hold")
+    anna.request("hold")
     bert.until(lambda page: page.state.get("holder_name") == "Anna")
-    bert.ask("move", x=0.5, z=1.5, lean=15)
+    bert.request("move", x=0.5, z=1.5, lean=15)
     bert.until(lambda page: "the line is held by Anna" in page.notices)
     assert flying.flown.value("TGL_X") == pytest.approx(0.2)
     anna.end()  # a reload while it is held: it is free, and stays where it was
     bert.until(lambda page: page.state["holder"] == 0)
-    bert.ask("look", x=0.6, z=1.6, lean=15)
+    bert.request("look", x=0.6, z=1.6, lean=15)
     bert.until(lambda page: page.state.get("ghost"))
     assert bert.state["ghost"]["refusal"] == ""
-    bert.ask("drop")
+    bert.request("drop")
     bert.until(lambda page: page.state["ghost"] is None)
     assert flying.flown.value("TGL_X") == pytest.approx(0.2)
     bert.end()
@@ -267,21 +267,21 @@ def test_of_two_operators_one_holds_the_line(served: Served, flying: Flying) -> 
 def test_engage_a_parameter_and_the_death_of_the_page(served: Served, flying: Flying) -> None:
     page = Page(served)
     page.until(lambda page: len(page.state.get("parameters", ())) > 80)
-    page.ask("engage")
+    page.request("engage")
     flying.until(lambda flown: flown.mode == SOARING)
-    page.ask("set", name="RHO_P", value=0.6)
+    page.request("set", name="RHO_P", value=0.6)
     page.until(lambda page: "RHO_P = 0.6: confirmed" in page.notices)
-    page.ask("set", name="RHO_P", value=77)
+    page.request("set", name="RHO_P", value=77)
     page.until(lambda page: any("RHO_P = 77" in notice for notice in page.notices))
-    page.ask("set", name="NO_SUCH", value=1)
+    page.request("set", name="NO_SUCH", value=1)
     page.until(lambda page: "NO_SUCH: no such parameter" in page.notices)
-    page.ask("preset", number=9)
+    page.request("preset", number=9)
     page.until(lambda page: "the site has no line 9" in page.notices)
     page.socket.socket.close()  # dies in the middle of it
     before = flying.flown.simulation.time_s
     flying.until(lambda flown: flown.simulation.time_s > before + 3.0)
     assert flying.flown.mode == SOARING
     page = Page(served)
-    page.ask("release")
+    page.request("release")
     flying.until(lambda flown: flown.value("OP_ENGAGE") == 0.0)
     page.end()

@@ -65,8 +65,8 @@ class Companion:
                 )
                 if not self._asked:
                     self._asked = True
-                    out.append(self.ask(ATTITUDE_QUATERNION, 200))
-                    out.append(self.ask(LOCAL_POSITION_NED, 50))
+                    out.append(self.request(ATTITUDE_QUATERNION, 200))
+                    out.append(self.request(LOCAL_POSITION_NED, 50))
             elif kind == "ATTITUDE_QUATERNION":
                 self.attitudes.append(message)
                 if self.flies:
@@ -77,7 +77,7 @@ class Companion:
                 out.append(self._pack(self.own, mavlink.MAVLink_timesync_message(1, message.ts1)))
         return out
 
-    def ask(self, message_id: int, rate_hz: float) -> bytes:
+    def request(self, message_id: int, rate_hz: float) -> bytes:
         message = mavlink.MAVLink_command_long_message(
             1, 1, 511, 0, message_id, 1e6 / rate_hz, 0, 0, 0, 0, 0
         )
