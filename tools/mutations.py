@@ -210,10 +210,10 @@ def _code_below(node: ast.AST) -> Iterator[ast.AST]:
             for each in node.args:
                 if only_finite:
                     yield from _terms(each)
-                elif not _is_untold(node, each):
+                elif not _is_unobservable(node, each):
                     yield each
             yield from (
-                each for each in node.keywords if not _is_untold(node, each.value, each.arg)
+                each for each in node.keywords if not _is_unobservable(node, each.value, each.arg)
             )
         case ast.BinOp(op=ast.Add() | ast.Sub()) | ast.Compare():
             yield from (each for each in ast.iter_child_nodes(node) if not _is_rounding(each))
@@ -231,12 +231,12 @@ def _terms(node: ast.expr) -> Iterator[ast.expr]:
             yield node
 
 
-def _is_untold(call: ast.Call, value: ast.expr, keyword: str | None = None) -> bool:
+def _is_unobservable(call: ast.Call, value: ast.expr, keyword: str | None = None) -> bool:
     """Whether no user can tell what a call is given from another number or truth."""
     plain = all(isinstance(each, ast.Constant | ast.Tuple | ast.Load) for each in ast.walk(value))
     name = ast.unparse(call.func).rpartition(".")[2]
-    untold = keyword in STYLES or keyword == "seed" or name in _GENERATORS or name in _STYLING
-    return (plain and untold) or (
+    unobservable = keyword in STYLES or keyword == "seed" or name in _GENERATORS or name in _STYLING
+    return (plain and unobservable) or (
         keyword == _SIZE
         or (name == "zip" and keyword == "strict")
         or (name in ("min", "max", "minimum", "maximum") and _is_rounding(value))

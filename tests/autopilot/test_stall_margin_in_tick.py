@@ -18,7 +18,7 @@ from tgl_soar.sim.world import build_field, make_world
 from tgl_soar.types import NO_AIR, AirEstimate
 
 REC_PITCH = -8.0  # deg
-FELT = Sensors(imu=MEMS_IMU, surfaces=READ_BACK)
+WITH_IMU = Sensors(imu=MEMS_IMU, surfaces=READ_BACK)
 
 
 def air(wind_sigma_mps: float, updraft_sigma_mps: float, alpha_rad: float = 0.1) -> AirEstimate:
@@ -70,7 +70,7 @@ def flown(sensors: Sensors, **changes: float) -> tuple[list[Output], list[float]
 
 
 def test_with_accelerometers_the_margin_is_known_in_flight_and_right() -> None:
-    outputs, alpha = flown(FELT, ALPHA_MAX=15.0, SPEED_MIN=1.0)
+    outputs, alpha = flown(WITH_IMU, ALPHA_MAX=15.0, SPEED_MIN=1.0)
     assert all(o.margins.stall_rad == inf for o in outputs if not o.active)  # held in a hand
     flies = [(o, a) for o, a in zip(outputs, alpha, strict=True) if o.active][400:]
     known = [(15.0 - degrees(o.margins.stall_rad), degrees(a)) for o, a in flies
@@ -87,7 +87,7 @@ def test_with_a_pose_alone_nothing_is_known_and_nothing_limited() -> None:
 
 
 def test_near_the_limit_the_nose_is_kept_from_rising() -> None:
-    outputs, _ = flown(FELT, ALPHA_MAX=10.0, SPEED_MIN=1.0, REC_PITCH=REC_PITCH)
+    outputs, _ = flown(WITH_IMU, ALPHA_MAX=10.0, SPEED_MIN=1.0, REC_PITCH=REC_PITCH)
     near = [o for o in outputs if o.active and o.margins.stall_rad < 0.0]
     assert near
     for output in near:
@@ -98,7 +98,7 @@ def test_near_the_limit_the_nose_is_kept_from_rising() -> None:
 
 def test_what_the_envelope_cuts_off_the_setpoint_winds_up_no_integral() -> None:
     """Upstream of its line and near the stall the law asks for more nose than it may have."""
-    outputs, _ = flown(FELT, ALPHA_MAX=10.0, SPEED_MIN=1.0, REC_PITCH=REC_PITCH)
+    outputs, _ = flown(WITH_IMU, ALPHA_MAX=10.0, SPEED_MIN=1.0, REC_PITCH=REC_PITCH)
     flown_on = [
         (before, after)
         for before, after in pairwise(outputs)

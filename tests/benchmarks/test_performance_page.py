@@ -149,7 +149,7 @@ def test_an_aim_that_is_missed_says_so_on_the_page(results: str) -> None:
 
 
 # What the prose takes from the tables: a row, what it stands beside, and how figures are written.
-TOLD = (
+QUOTED = (
     ("a tick after 5 ms of sleep, p50", "one right after the other", "{ratio:.1f} times as long"),
     ("the flying process, UDP", "what is allowed", "take {value} % of a core in the table"),
     ("sensor to surface, UDP, p50", "a minimal responder with mavutil", "answer of {beside} µs"),
@@ -163,7 +163,7 @@ TOLD = (
 )
 
 
-@pytest.mark.parametrize(("what", "beside_what", "words"), TOLD)
+@pytest.mark.parametrize(("what", "beside_what", "words"), QUOTED)
 def test_prose_has_the_figures_of_the_tables(
     results: str, what: str, beside_what: str, words: str
 ) -> None:

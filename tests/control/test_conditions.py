@@ -56,7 +56,7 @@ SOUND = Health(
     faults=0,
 )
 NOUGHT: dict[str, Any] = dict.fromkeys(MotionQuality._fields, 0)
-SURE = MotionQuality(**NOUGHT)._replace(position_sigma_m=0.1, inertial=True, jumped=False)
+CONFIDENT = MotionQuality(**NOUGHT)._replace(position_sigma_m=0.1, inertial=True, jumped=False)
 LEVEL = STILL._replace(time_s=50.0, z_m=10.0)
 CLEAR = Margins(stall_rad=0.2, clearance_m=20.0, outside=0)
 
@@ -82,7 +82,7 @@ CLEAR = Margins(stall_rad=0.2, clearance_m=20.0, outside=0)
 def test_whether_the_place_is_known(
     health: dict[str, Any], quality: dict[str, Any], known: bool
 ) -> None:
-    sound, found = SOUND._replace(**health), SURE._replace(**quality)
+    sound, found = SOUND._replace(**health), CONFIDENT._replace(**quality)
     assert c.is_place_known(GUARDS, sound, found, flying=True) == known
     assert c.with_uncertainty(GUARDS, sound, found, flying=True).position_ok == known
     # Without control what is frozen is taken in, from any source.
@@ -90,10 +90,12 @@ def test_whether_the_place_is_known(
     assert c.is_place_known(GUARDS, sound, found, flying=False) == (known and not frozen)
 
 
-@pytest.mark.parametrize(("reckoned_s", "sure"), [(0.0, True), (4.9, True), (5.1, False)])
-def test_what_is_only_reckoned_is_flown_with_for_a_time(reckoned_s: float, sure: bool) -> None:
-    found = c.with_uncertainty(GUARDS, SOUND, SURE._replace(reckoned_s=reckoned_s), flying=True)
-    assert found.position_ok == sure
+@pytest.mark.parametrize(("reckoned_s", "confident"), [(0.0, True), (4.9, True), (5.1, False)])
+def test_what_is_only_reckoned_is_flown_with_for_a_time(reckoned_s: float, confident: bool) -> None:
+    found = c.with_uncertainty(
+        GUARDS, SOUND, CONFIDENT._replace(reckoned_s=reckoned_s), flying=True
+    )
+    assert found.position_ok == confident
 
 
 def inputs(**status: Any) -> Inputs:
@@ -247,7 +249,7 @@ def test_what_is_foreseen_is_of_a_line_that_is_flown(mode: int) -> None:
     state = f.initial_forecast()
     for n in range(3):
         vehicle = LEVEL._replace(time_s=50.0 + 0.01 * n)
-        state = c.forecast_of(laws, mode, state, line, vehicle, feels, SURE)
+        state = c.forecast_of(laws, mode, state, line, vehicle, feels, CONFIDENT)
     follows = mode in (s.CAPTURING, s.SOARING, s.SEARCHING)
     assert (repr(state) != repr(f.initial_forecast())) is follows
 

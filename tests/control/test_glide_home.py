@@ -162,13 +162,18 @@ def test_the_time_left_is_the_height_by_how_fast_it_goes() -> None:
 
 
 def stood(
-    seconds: float, state: EscapeState, start_s: float, *, lands: bool = True, sure: bool = True
+    seconds: float,
+    state: EscapeState,
+    start_s: float,
+    *,
+    lands: bool = True,
+    confident: bool = True,
 ) -> EscapeState:
     """Still and low, tick by tick."""
     for k in range(round(seconds / DT)):
         vehicle = at(start_s + k * DT, z_m=0.1, climb_mps=0.0)
         state = escape_step(
-            PARAMS, state, AWAY._replace(goes_home=lands, place_known=sure), vehicle, air(), DT
+            PARAMS, state, AWAY._replace(goes_home=lands, place_known=confident), vehicle, air(), DT
         )
     return state
 
@@ -196,7 +201,7 @@ def test_standing_still_counts_from_the_landing_on_and_only_where_the_height_is_
     nowhere = PARAMS._replace(place=PLACE._replace(length_m=0.0))
     assert not is_on_ground(nowhere, lain, now, inf)
     assert is_on_ground(nowhere, lain, now, 0.1)
-    assert not is_on_ground(PARAMS, stood(2.0, soared, 5.0, sure=False), now, 0.1)
+    assert not is_on_ground(PARAMS, stood(2.0, soared, 5.0, confident=False), now, 0.1)
 
 
 def test_without_a_position_the_height_left_is_not_known() -> None:

@@ -470,12 +470,12 @@ def held(
     *,
     climb_mps: float = -2.5,
     nose_held: bool = True,
-    sure: bool = True,
+    confident: bool = True,
 ) -> GlideState:
     """Weaving high, tick by tick."""
     for k in range(round(seconds / DT)):
         vehicle = at(start_s + k * DT, x_m=-14.0, z_m=14.0, climb_mps=climb_mps)
-        state, _ = glide_step(PARAMS, state, False, sure, vehicle, air(), 14.0, nose_held, DT)
+        state, _ = glide_step(PARAMS, state, False, confident, vehicle, air(), 14.0, nose_held, DT)
     return state
 
 
@@ -504,7 +504,7 @@ def test_what_is_no_stall() -> None:
     sink = polar_sink(POLAR, SLOWEST)
     for climb, nose_held in ((-2.5, False), (-sink - 0.4, True), (1.0, True)):
         assert not held(5.0, NO_GLIDE, climb_mps=climb, nose_held=nose_held).stalled
-    assert held(5.0, NO_GLIDE, climb_mps=0.0, sure=False).stalled  # its sink is unknown
+    assert held(5.0, NO_GLIDE, climb_mps=0.0, confident=False).stalled  # its sink is unknown
     flaring = NO_GLIDE
     for k in range(400):
         vehicle = at(k * DT, z_m=1.5, climb_mps=-2.5)

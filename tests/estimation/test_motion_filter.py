@@ -539,7 +539,7 @@ def test_a_velocity_that_cannot_be_is_left_out_and_its_place_taken(wild_mps: flo
 
 
 def test_a_source_of_larger_sigma_weighs_less() -> None:
-    sure, unsure = (
+    confident, uncertain = (
         motion_step(
             GAINS,
             FRAME,
@@ -548,7 +548,7 @@ def test_a_source_of_larger_sigma_weighs_less() -> None:
         )[1].x_m
         for sigma in (nan, 5.0)
     )
-    assert abs(unsure) < 0.1 * sure
+    assert abs(uncertain) < 0.1 * confident
 
 
 # --- time and nonsense ----------------------------------------------------------------------

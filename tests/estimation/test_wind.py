@@ -65,7 +65,7 @@ DT = 0.005
 AIRFRAME = load_airframe(shipped("airframes/eclipson_c.toml"))
 MODEL = aircraft_model(asdict(AIRFRAME.airframe), AIRFRAME.model)
 AERO = AIRFRAME.aerodynamics()
-SURE = 0.0  # of a velocity over the ground that is the true one
+EXACT = 0.0  # of a velocity over the ground that is the true one
 PARAMS = WindParams(AERO, 0.8, radians(0.5))
 NONE = (0.0, 0.0, 0.0)
 
@@ -136,7 +136,7 @@ class Glide:
                     speed = speed._replace(airspeed_mps=pitot_mps)
             state, air = wind_step(
                 PARAMS, state, vehicle_of(self.state, now), inputs_at(now, force, speed),
-                SURE, self.elevator, True,
+                EXACT, self.elevator, True,
             )  # fmt: skip
             yield state, air
 
@@ -150,7 +150,7 @@ def test_a_polar_that_ends_soon_is_enough_to_read_the_air_by() -> None:
     for n in range(1, 400):
         vehicle, force = vehicle_of(glide.state, n * DT), imu_of(glide.state, glide.air, n, n * DT)
         state, air = wind_step(
-            params, state, vehicle, inputs_at(n * DT, force), SURE, glide.elevator, True
+            params, state, vehicle, inputs_at(n * DT, force), EXACT, glide.elevator, True
         )
     assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.5)
 
@@ -201,7 +201,7 @@ def test_the_pitch_s_error_is_counted_as_it_acts(imu: bool, pitot: bool, climb_m
             if pitot:
                 speed = measure_airspeed(MODEL, glide.state, glide.air, n // 4, now, 0.0)
             state, air = wind_step(
-                params, state, read, inputs_at(now, force, speed), SURE, glide.elevator, True
+                params, state, read, inputs_at(now, force, speed), EXACT, glide.elevator, True
             )
         return air
 
@@ -334,7 +334,7 @@ def test_a_pitot_s_sample_that_comes_late_is_of_other_air(late_s: float) -> None
     force = imu_of(glide.state, glide.air, 801, now)
     after = [
         wind_step(PARAMS, state, vehicle_of(glide.state, now), inputs_at(now, force, each),
-                  SURE, glide.elevator, True)
+                  EXACT, glide.elevator, True)
         for each in (NO_AIRSPEED, speed)
     ]  # fmt: skip
     (_, without), (with_it, air) = after
@@ -360,7 +360,7 @@ def test_accelerations_that_were_refused_leave_no_trace() -> None:
                 force = force._replace(force_z_frd_mps2=390.0)
             inputs = inputs_at(now, force)
             vehicle = vehicle_of(glide.state, now)
-            state, air = wind_step(PARAMS, state, vehicle, inputs, SURE, glide.elevator, not bad)
+            state, air = wind_step(PARAMS, state, vehicle, inputs, EXACT, glide.elevator, not bad)
             updrafts.append(abs(air.updraft_mps - 1.4))
         worst.append(max(updrafts))
     assert worst[1] == worst[0]
@@ -376,7 +376,7 @@ def test_accelerations_that_always_come_too_late_are_as_good_as_none() -> None:
         now = n * DT
         inputs = inputs_at(now, imu_of(glide.state, glide.air, n, now - 0.12))
         vehicle = vehicle_of(glide.state, now)
-        state, air = wind_step(PARAMS, state, vehicle, inputs, SURE, glide.elevator, False)
+        state, air = wind_step(PARAMS, state, vehicle, inputs, EXACT, glide.elevator, False)
     assert air == without
 
 
@@ -384,9 +384,9 @@ def test_what_is_not_known_is_not_reported() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     vehicle, inputs = vehicle_of(glide.state, 1.0), inputs_at(1.0)
     for params, state_now, sigma in (
-        (PARAMS._replace(aerodynamics=NO_AERODYNAMICS), vehicle, SURE),
-        (PARAMS, vehicle._replace(pitch_rad=nan), SURE),
-        (PARAMS, vehicle._replace(climb_mps=inf), SURE),
+        (PARAMS._replace(aerodynamics=NO_AERODYNAMICS), vehicle, EXACT),
+        (PARAMS, vehicle._replace(pitch_rad=nan), EXACT),
+        (PARAMS, vehicle._replace(climb_mps=inf), EXACT),
         (PARAMS, vehicle, nan),
         (PARAMS, vehicle, inf),
     ):
@@ -400,7 +400,7 @@ def test_it_is_reset_after_a_gap_and_after_bad_numbers() -> None:
     glide = Glide(9.0, (8.5, 0.0, 1.4))
     *_, (state, air) = glide.measured(3.0, imu=True, pitot=True)
     later, _ = wind_step(
-        PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), SURE, 0.0, True
+        PARAMS, state, vehicle_of(glide.state, 5.0), inputs_at(5.0), EXACT, 0.0, True
     )
     assert later.posterior.p_xx > 10.0 * state.posterior.p_xx
     lost, nothing = wind_step(
@@ -408,13 +408,13 @@ def test_it_is_reset_after_a_gap_and_after_bad_numbers() -> None:
         state,
         vehicle_of(glide.state, 3.005)._replace(roll_rad=nan),
         inputs_at(3.005),
-        SURE,
+        EXACT,
         0.0,
         True,
     )
     assert isnan(nothing.airspeed_mps)
     _, again = wind_step(
-        PARAMS, lost, vehicle_of(glide.state, 3.01), inputs_at(3.01), SURE, 0.0, True
+        PARAMS, lost, vehicle_of(glide.state, 3.01), inputs_at(3.01), EXACT, 0.0, True
     )
     assert isfinite(again.airspeed_mps)
     assert again.updraft_sigma_mps > air.updraft_sigma_mps
@@ -449,7 +449,7 @@ def test_no_number_makes_it_raise_and_it_recovers(numbers: list[float], sensors:
         speed = measure_airspeed(MODEL, glide.state, glide.air, 100 + n // 4, now, 0.0)
         vehicle = vehicle_of(glide.state, now)
         state, air = wind_step(
-            PARAMS, state, vehicle, inputs_at(now, force, speed), SURE, glide.elevator, True
+            PARAMS, state, vehicle, inputs_at(now, force, speed), EXACT, glide.elevator, True
         )
     assert air.airspeed_mps == pytest.approx(glide.truth.airspeed_mps, abs=0.3)
 

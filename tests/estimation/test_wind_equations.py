@@ -236,10 +236,10 @@ def at_rest(force: tuple[float, float] | None) -> WindState:
     return state._replace(average=average)
 
 
-FELT = (0.15, -9.9)
+FORCE = (0.15, -9.9)
 
 
-@pytest.mark.parametrize("force", [None, FELT, (0.6, -11.0)])
+@pytest.mark.parametrize("force", [None, FORCE, (0.6, -11.0)])
 @pytest.mark.parametrize("pitot", [None, 9.2])
 @pytest.mark.parametrize("elevator", [None, 0.05])
 def test_every_number_is_that_of_the_matrices(
@@ -272,17 +272,17 @@ def test_a_propeller_s_pull_is_no_force_of_the_air_s() -> None:
     """It is taken off the axial force: as if that had been measured without it."""
     pushed = PARAMS._replace(push_mps2=0.4)
     args = VEHICLE, VELOCITY_SD, 0.05, True
-    state, _ = wind_step(pushed, at_rest(FELT), args[0], inputs(FELT, None), *args[1:])
-    mean, p = reference((FELT[0] - 0.4, FELT[1]), None, 0.05, DT)
+    state, _ = wind_step(pushed, at_rest(FORCE), args[0], inputs(FORCE, None), *args[1:])
+    mean, p = reference((FORCE[0] - 0.4, FORCE[1]), None, 0.05, DT)
     assert tuple(state.posterior) == pytest.approx(tuple(posterior(mean, p)), rel=1e-6, abs=1e-9)
 
 
 def test_what_no_flight_explains_is_refused_and_counted() -> None:
     """Beyond five standard deviations: 40 m/s of a pitot, ten g of the wing, of which both axes."""
     state, _ = wind_step(
-        PARAMS, at_rest(FELT), VEHICLE, inputs(FELT, 40.0), VELOCITY_SD, 0.05, True
+        PARAMS, at_rest(FORCE), VEHICLE, inputs(FORCE, 40.0), VELOCITY_SD, 0.05, True
     )
-    mean, p = reference(FELT, None, 0.05, DT)
+    mean, p = reference(FORCE, None, 0.05, DT)
     assert state.refused == 1
     assert tuple(state.posterior) == pytest.approx(tuple(posterior(mean, p)), rel=1e-6, abs=1e-9)
     hit = (50.0, -100.0)

@@ -154,7 +154,7 @@ def dead_reckoned(
 ) -> tuple[list[Output], list[Words], float]:
     """Fixes missing for so long, and as long again: how far [m] it truly is off its line then.
 
-    told_s: after how long the autopilot says so.
+    reported_s: after how long the autopilot reports it.
     """
     airframe, site = load_airframe(AIRFRAME), load_site(SITE)
     assert site.air is not None

@@ -28,11 +28,11 @@ NAMES: Final = tuple(name for name in (*PLANNED, "margins") if name not in LEFT_
 # These fly or compute for long to draw.
 NOT_DRAWN: Final = ("beating", "hour", "identification", "places", "point", "search")
 # Whose flights say all by themselves: no path is scored against an aircraft that is drawn.
-TOLD: Final = (
+UNSCORED: Final = (
     *("beating", "hour", "identification", "nowhere", "outdoors", "rangefinder", "satellites"),
     *("search", "survey", "throttle", "unseen", "wind_estimate", "wind_use"),
 )
-LOST: Final = (*TOLD, "airframes", "dispersed", "point", "static", "translate")
+LOST: Final = (*UNSCORED, "airframes", "dispersed", "point", "static", "translate")
 
 
 def case(name: str) -> Any:
@@ -98,7 +98,7 @@ def test_an_experiment_concludes(name: str, tmp_path: Path) -> None:
     concluded(result, flyer)
 
 
-@pytest.mark.parametrize("name", list(map(case, TOLD)))
+@pytest.mark.parametrize("name", list(map(case, UNSCORED)))
 def test_a_few_dispersed_flights_conclude(name: str) -> None:
     flyer = MadeUp()
     concluded(run(name, Context(flyer=flyer, quick=True, dispersion=True)), flyer)
