@@ -55,7 +55,7 @@ from tgl_soar.link.messages import (
     SetAttitudeTarget,
     Timesync,
 )
-from tgl_soar.types import isfinite
+from tgl_soar.types import FLOAT32_MAX, isfinite
 
 
 class Reader(NamedTuple):
@@ -102,14 +102,13 @@ _write_attitude: Final = Struct("<I4f4f3B").pack
 _FIRST_CHANNELS: Final = 8
 _NO_LATER_CHANNELS: Final[tuple[int, ...]] = (0,) * 10
 _ARRAY_SIZE: Final = 58  # numbers of a DEBUG_FLOAT_ARRAY
-_FLOAT32_MAX: Final = 3.4028234e38
 
 
 def float32(value: float) -> float:
     """A float that can be packed: what is too large for 32 bits becomes the largest."""
     if not isfinite(value):
         return value
-    return max(-_FLOAT32_MAX, min(_FLOAT32_MAX, value))
+    return max(-FLOAT32_MAX, min(FLOAT32_MAX, value))
 
 
 def chars(text: str, size: int) -> bytes:

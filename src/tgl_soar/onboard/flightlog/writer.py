@@ -43,7 +43,7 @@ from tgl_soar.onboard.flightlog.ulog_messages import (
     preamble_of,
 )
 from tgl_soar.onboard.realtime import clock_ns, clock_s
-from tgl_soar.types import Inputs, isfinite
+from tgl_soar.types import FLOAT32_MAX, Inputs, isfinite
 
 FLUSH_S: Final = 0.5
 BATCH_TICKS: Final = 8  # packed together: one after the other is faster than each by itself
@@ -58,7 +58,6 @@ _STAMP: Final = struct.Struct(">Q").pack
 _STAMP_BYTES: Final = 8
 SEVERITY_WARNING: Final = 4  # MAVLink's, and so ULog's
 _LARGEST_INT: Final = 0x7FFFFFFF
-_LARGEST_FLOAT32: Final = 3.4028234e38
 
 
 class FlightRecorder(Recorder):
@@ -370,7 +369,7 @@ def clamped(value: Any) -> Any:
     if isinstance(value, tuple):
         fitting = map(clamped, value)
         return value._make(fitting) if hasattr(value, "_make") else tuple(fitting)
-    if isinstance(value, float) and isfinite(value) and abs(value) > _LARGEST_FLOAT32:
+    if isinstance(value, float) and isfinite(value) and abs(value) > FLOAT32_MAX:
         return inf if value > 0.0 else -inf
     if isinstance(value, int) and not isinstance(value, bool):
         return max(-_LARGEST_INT - 1, min(_LARGEST_INT, value))

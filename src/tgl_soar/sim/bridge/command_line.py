@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from tgl_soar.config.airframe import MODEL_OPTIONS
 from tgl_soar.config.files import airframe_file, site_file
@@ -16,8 +16,7 @@ from tgl_soar.sim.faults import Fault, FaultError, parse_fault, refusal
 from tgl_soar.sim.ports import Address
 from tgl_soar.sim.sensors import RECEIVERS
 from tgl_soar.sim.simulation import Options, TimedSetting
-
-FLOAT32_MAX: Final = 3.4028234e38  # of what a PARAM_SET carries
+from tgl_soar.types import FLOAT32_MAX
 
 
 def parsed(words: Sequence[str]) -> BridgeOptions:
