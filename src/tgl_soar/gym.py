@@ -130,7 +130,7 @@ _Step = tuple[np.ndarray[Any, Any], float, bool, bool, dict[str, Any]]
 
 
 class GymPlace(NamedTuple):
-    """Where an environment flies, and what its aircraft is told."""
+    """Where an environment flies, and what its aircraft is given."""
 
     airframe: Airframe
     site: Site

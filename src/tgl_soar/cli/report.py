@@ -102,7 +102,7 @@ class Named(NamedTuple):
 def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> tuple[str, ...]:
     """Write the page; what the log has lost.
 
-    step is told what comes next.
+    step is given what comes next.
     Errors: `LogError`, `ConfigError`, ImportError without an extra, OSError.
     """
     from tgl_soar.analysis.logs.flight_data import steered

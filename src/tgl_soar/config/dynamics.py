@@ -88,7 +88,7 @@ def dynamics_parameters(
         found["DYN_LAG"] = 1.0 / lag
         found["DYN_SERVO"] = found["DYN_LAG"] + model.get("servo_delay_s", 0.0)
     elif given.servo_s is not None:
-        # Nobody has told them apart.  A lag counts less than a delay, so that no more of it is
+        # They have not been told apart.  A lag counts less than a delay, so that no more of it is
         # taken for one than usual servos have.
         found["DYN_LAG"] = min(given.servo_s, USUAL_LAG_S)
     found.update(_glide(bench, model, polar))

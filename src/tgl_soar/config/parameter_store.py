@@ -106,7 +106,7 @@ def to_keep(values: ParameterSet, base: ParameterSet) -> dict[str, float]:
     """What differs from the files' values and may be kept.
 
     Of gains that are not the declared aircraft's the whole set, with the aircraft that they are
-    for: where they are sought anew (`control.pitch_design`), one alone would be for another.
+    for: where they are sought again (`control.pitch_design`), one alone would be for another.
     """
     kept = {p.name: v for p, v in values if p.in_files and v != base[p.name]}
     if has_own_anchors(base) and not kept.keys().isdisjoint(_GAINS):

@@ -350,8 +350,8 @@ def _sink(polar: GlidePolar, speed_mps: float) -> float:
 def _first(polar: GlidePolar, sight: _Sight) -> tuple[LiftReadings, WindReadings, GustReadings]:
     """The first reading.
 
-    An aircraft that is released here was held until now, and its estimates felt the hand: of a no
-    more is taken for known than that updrafts and sinks of aircraft that soar are alike.
+    An aircraft that is released here was held until now, and its estimates include the hand: of a
+    no more is taken for known than that updrafts and sinks of aircraft that soar are alike.
     """
     air, vx = sight.air, sight.vehicle.velocity_x_mps
     sink = _sink(polar, air.wind_mps)

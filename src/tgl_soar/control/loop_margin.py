@@ -61,7 +61,7 @@ FARTHEST_M: Final = 2000.0  # WPT_X reaches no further; nothing changes there
 SPEEDS: Final = (0.92, 1.0, 1.15)
 TICK_S: Final = 2.0 * HOLD_S
 RADPS: Final = tuple(0.25 * 1.115**i for i in range(60))  # to 150 rad/s
-# What the loops follow from: no other parameter that is set in flight has them judged anew.
+# What the loops follow from: no other parameter that is set in flight has them judged again.
 _LOOP: Final = ("DYN_", "CMD_", "EST_IMU", "LOOP_RATE", "RHO_P_IMU")
 PITCH_NAMES: Final = tuple(
     p.name for p in PARAMETERS if p.name.startswith((*_LOOP, "RHO_", "ELE_", "TGL_LEAN"))

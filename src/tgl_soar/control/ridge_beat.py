@@ -57,7 +57,7 @@ TILT_FRACTION: Final = 0.5  # of TILT_MAX, likewise: gusts and overshoots have t
 TURN_RADPS: Final = 0.4  # with the rudder's help; this bank alone turns by 0.35 at 9 m/s
 LAG_S: Final = 1.4
 TOP_M: Final = 10.0  # below the fence's top: from there on it flies faster
-# Whether it can stand is told by the wind averaged over AVERAGE_S, as gusts of some seconds end
+# Whether it can stand follows from the wind averaged over AVERAGE_S, as gusts of some seconds end
 # nothing. It stands again in one that is faster than the polar's slow end by BACK_BY_MPS, for
 # BACK_S: what ended standing was slower than that end by the wind's standard deviation, which is
 # 0.3 m/s with a pitot tube and 0.9 without.

@@ -24,7 +24,7 @@ more than (1 − e^(−λ AHEAD_S)) / λ.  It is closed HOLD_S after the last of
 gusts do not switch it; where it is uncertain (the place unknown, a mode that flies no line, tilted)
 it is closed at once.
 
-**Told**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where
+**Reported**: ∫ η dt, in seconds of full throttle.  It never exceeds the budget, and is reset where
 the autopilot is disarmed, not with every engagement.  It is counted tick by tick: an autopilot that
 goes on with the last command while the process stands still uses more than is reported.
 

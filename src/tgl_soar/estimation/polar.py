@@ -53,7 +53,7 @@ SAME_SPEED_MPS: Final = 0.1
 # The slowest and fastest glide: nearer to each other, the curvature is noise.
 NARROWEST_SPAN: Final = 1.15
 # Glides are of one position of the brake as long as that stays within a fiftieth; a family needs
-# the sink of a quarter of it, some 0.08 m/s, to be told from noise.
+# the sink of a quarter of it, some 0.08 m/s, to be distinguished from noise.
 BRAKE_SLACK: Final = 0.02
 BRAKE_SPAN: Final = 0.25
 

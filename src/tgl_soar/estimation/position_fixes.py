@@ -30,7 +30,7 @@ who has moved once, by no more than the gate, is followed within some fifty fixe
 
 Where R_turns counts the velocities of that source count as much less, else they would lead alone;
 and what is so explained is no outlier.  Nor do fixes then hold the estimate: a frame is taken for
-moved only where no more turns told of it than a step or one wild fix makes, and outliers stand.
+moved only where no more turns indicated it than a step or one wild fix makes, and outliers stand.
 
 No aircraft jumps.  Where outliers follow fixes at once, agree, and their velocities are the
 estimated one, it is the source that has moved: its filter was reset, or its origin set again.  What
@@ -115,7 +115,7 @@ SINGLE_TURNS: Final = 3
 # a source that has moved stands.  Of an estimate flown alone, from the first outlier to the fifth:
 # resets and steps 0 to 0.21 m/s, what a wild fix or a wrong attitude had led 0.56 to 6 m/s.
 STANDS_MPS: Final = 0.3
-# So long after an estimate was begun anew that fixes did not hold, no frame is taken for moved: of
+# So long after an estimate was reset that fixes did not hold, no frame is taken for moved: of
 # what scatters not enough has been seen yet.
 ASTRAY_S: Final = 2.0
 # Of a sum that tells whether any of six numbers has changed: roots of prime numbers, of which no

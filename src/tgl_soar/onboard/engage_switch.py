@@ -3,7 +3,7 @@
 An operator turns it by a parameter or a command (`operators`), the pilot by a channel of their
 transmitter, and the module itself turns it back: when it has released, when the pilot's switch or
 the last ground station has fallen silent, when another module with our identity is engaged.
-Whoever has asked to engage is told how it goes.
+Progress is reported to the station that has asked to engage.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ class EngageSwitch:
         self._settings.assign("OP_ENGAGE", 0.0)
 
     def end(self, text: str, now_s: float) -> None:
-        """The module disengages for a reason, and whoever has engaged it is told.
+        """The module disengages for a reason, which is reported to the station that engaged it.
 
         Before it flew, too: a station's repeat would ask for a mode that the pilot has refused.
         """
@@ -196,7 +196,7 @@ class EngageSwitch:
             self._outbox.tell(SEVERITY_ERROR, text)
 
     def report_progress(self, *, ended: bool = False) -> None:
-        """Whoever has asked to engage is told how it goes.  `ended`: by the module itself."""
+        """Report progress to the station that asked to engage.  `ended`: by the module itself."""
         mode = self.mode
         for ack in self._commands.engagement(
             flying=is_flying(mode) and not ended,
@@ -242,7 +242,7 @@ class EngageSwitch:
             self.turn(request, "the pilot's switch", now_s)
 
     def watch_pilot_switch(self, now_s: float) -> None:
-        """One that has fallen silent in flight: told, and after a while the engagement ends."""
+        """One that has fallen silent in flight: reported, and after a while the engagement ends."""
         silence = self._pilot_switch_silence(now_s) if self._settings.engage else ""
         if silence and self._engagement.switch.silence_s(now_s) > GONE_S:
             self.end(f"disengaged: the pilot's switch is silent: {silence}", now_s)

@@ -98,7 +98,7 @@ class Operators:
         return True
 
     def meet(self, route: Route, source: Source, now_s: float) -> None:
-        """A station that was away hears whether the module is engaged, and its mode."""
+        """A station that was away is sent whether the module is engaged, and its mode."""
         if source.system not in self._setup.operators:
             return
         self._engage_switch.stations.received(now_s)

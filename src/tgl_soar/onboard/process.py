@@ -336,7 +336,7 @@ def _fly(
         say(warning)
     with _lowered_priority(options):
         if opened.store is not None:
-            if not opened.store.refused:  # it was told where they were restored
+            if not opened.store.refused:  # it was reported where they were restored
                 say(f"parameters changed over the air are stored in {opened.store.path}")
             opened.store.start()
         if recorder is not None:

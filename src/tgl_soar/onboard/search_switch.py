@@ -100,7 +100,7 @@ class SearchSwitch:
         # Of the glimpse that was answered last, or when one was asked first; NaN: none was.
         self._answered_s = NAN
         self._target: TargetLine | None = None  # the last that was taken
-        self._refused: TargetLine | None = None  # of which the search was not told yet
+        self._refused: TargetLine | None = None  # not reported to the search yet
         self._has_begun = False  # by itself, in this flight
 
     @property

@@ -80,7 +80,7 @@ class SurfaceControl:
     ) -> str:
         """Engaged: the autopilot first has to come into the mode that obeys; why it did not.
 
-        Until then it hears what keeps the aircraft as it is (`pitch_rad`, wings level): some
+        Until then it is sent what keeps the aircraft as it is (`pitch_rad`, wings level): some
         firmwares enter only where setpoints stream already.
         """
         change, status = self.mode_change, session.status

@@ -96,7 +96,7 @@ def _leave_mode(setup: ModuleSetup, route: Route, transport: Transport) -> None:
     autopilot = Source(setup.own.system, COMPONENT_AUTOPILOT)
     change = ModeChange(flavour)
     change.leave(realtime.clock_s(), float("-inf"))
-    if change.is_changing:  # this socket may be a new one: a peer answers only whom it has heard
+    if change.is_changing:  # this socket may be new: a peer answers only senders that it knows
         transport.send(route.own.encode(Presence(0).heartbeat()))
     received_s, obeys, custom_mode = float("-inf"), False, -1
     while change.is_changing:

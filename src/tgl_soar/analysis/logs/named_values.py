@@ -88,7 +88,7 @@ def reported_line(reported: Reported) -> Series | None:
 
 
 def reported_air(reported: Reported) -> Series | None:
-    """Wind, where it is told, and updraft, as estimated on board."""
+    """Wind, where it is reported, and updraft, as estimated on board."""
     if "updraft" not in reported:
         return None
     times, updraft = reported["updraft"]

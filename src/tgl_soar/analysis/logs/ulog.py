@@ -28,7 +28,7 @@ class Topics:
         clocks = Straightened({name: rows["timestamp"] * 1e-6 for name, rows in timed.items()})
         self.time_s = clocks.time_s
         self.start_s = clocks.start_s
-        # How the clock ran back or leapt is told by what straightened it.
+        # How the clock ran back or leapt is reported by what straightened it.
         reported = [loss for loss in log.losses if "the clock " not in loss]
         self.lost = (*reported, *clocks.lost)
         self._rows: dict[str, dict[str, NDArray[Any]]] = {

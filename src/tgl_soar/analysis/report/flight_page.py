@@ -57,7 +57,7 @@ _Draw = Callable[[Any], Any]
 
 
 class Analysis(NamedTuple):
-    """What is told of a flight, in numbers."""
+    """What is reported of a flight, in numbers."""
 
     flight: FlightData
     legs: list[ReportLeg]
@@ -109,7 +109,7 @@ def analysed(flight: FlightData, known: Surroundings, frame: SoaringFrame | None
 def write_page(page: Path, analysis: Analysis, progress: Progress) -> list[Path]:
     """Write page, figures and numbers; all paths that were written, the page first.
 
-    progress is told what comes next.  Errors: ImportError without matplotlib, OSError.
+    progress is given what comes next.  Errors: ImportError without matplotlib, OSError.
     """
     folder = page.parent / f"{page.stem}-figures"
     folder.mkdir(parents=True, exist_ok=True)

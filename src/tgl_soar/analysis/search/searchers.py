@@ -142,7 +142,7 @@ class Oracle:
 
 
 def _request(look: Sighting, target: TargetLine, status: int, reason: int) -> LineRequest:
-    """Of somebody who foresees no place."""
+    """Of a searcher that foresees no place."""
     return LineRequest(
         target=target,
         status=status,
@@ -320,7 +320,7 @@ SEARCHERS: Final = (
 
 
 def searcher(name: str, place: SearchPlace, polar: GlidePolar, look: Sighting) -> Searcher:
-    """Somebody by name, of the first look.  Errors: KeyError."""
+    """A searcher by name, of the first look.  Errors: KeyError."""
     made: dict[str, Callable[[], Searcher]] = {
         "map and rollouts": lambda: MapSearch(polar),
         "line through the start": lambda: StartLine(look),

@@ -1,4 +1,4 @@
-"""The module's own closed loop in simulation, and somebody who moves its line.
+"""The module's own closed loop in simulation, and what moves its line.
 
 Between two looks (`LOOK_S`) the module's tick and the world fly compiled, and so does the tick that
 a look takes.  It sees what the module has aboard, and nothing else: its position, its estimate of

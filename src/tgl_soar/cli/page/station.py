@@ -135,7 +135,7 @@ class Station:
         """Whether a datagram may make its sender the one who is answered.
 
         It begins with a whole frame; with a key, with one that is signed with it and is later than
-        all that were heard of its stream.  Clocks are not compared: a module whose own starts in
+        all that were received of its stream.  Clocks are not compared: a module whose own starts in
         the past goes on from our stamps, once it has been answered.
         """
         frame = first_frame(data)

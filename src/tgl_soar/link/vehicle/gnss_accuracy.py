@@ -5,8 +5,9 @@ all bits set, stand for a receiver that reports none; eph and epv beside them ar
 precision, which say how the satellites stand and not what the place is worth.
 
 They are not the sigma of a fix that the estimator weighs: such errors change over minutes, and a
-filter that took them for noise would average over seconds what stays, and hear its accelerometers'
-biases instead.  They are to be known before an engagement, and reported when they get worse.
+filter that took them for noise would average over seconds what stays, and follow the
+accelerometers' biases instead.  They are to be known before an engagement, and reported when they
+get worse.
 """
 
 from __future__ import annotations
