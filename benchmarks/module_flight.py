@@ -69,7 +69,7 @@ class ModuleFlight:
     def piece(self) -> bytes:
         """All that an autopilot with accelerometers says in one period, in one datagram.
 
-        Its servos do as they were told.
+        Its servos do as commanded.
         """
         for frame in self.frames:
             reported = self._reader.decode(bytearray(frame))

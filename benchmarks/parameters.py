@@ -47,7 +47,7 @@ def listing() -> Result:
 
 
 def confirmed_set() -> Result:
-    """From the arrival of a PARAM_SET to the frame that confirms it, the laws made anew."""
+    """From the arrival of a PARAM_SET to the frame that confirms it, the laws made again."""
     flight = ModuleFlight().engaged()
     times, parse = [], []
     decoder = mavlink.MAVLink(None)

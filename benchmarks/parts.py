@@ -1,7 +1,7 @@
 """One tick by its parts, in flight, with a log, and with everything that an autopilot sends.
 
 The module flies without sockets, timed from the datagram to the end of all that it sets off.  The
-parts are the module's own functions, called with what that flight has heard, one after the other
+parts are the module's own functions, called with what that flight has received, one after the other
 beside it: native code cannot be looked into from outside.
 """
 

@@ -117,7 +117,7 @@ class Flight:
         self._vehicle, self._station = mavlink.MAVLink(None, 1, 1), mavlink.MAVLink(None, 255, 190)
         self._reader = mavlink.MAVLink(None)
         self._inputs: list[bytes] = []  # since the last tick
-        self._known = 0, 0  # position, attitude that the module has heard
+        self._known = 0, 0  # position, attitude that the module has received
         self.onboard = Onboard(
             setup_from(airframe, site, values), self._sent, 0.0, ModuleOptions(lockstep=True)
         )
@@ -182,7 +182,7 @@ class Flight:
         self.onboard.event(bytes(frame), self._world.time_s)
 
     def _sent(self, frame: bytes) -> bool:
-        """The autopilot does as it is told."""
+        """The autopilot does as it is commanded."""
         number = mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE
         if frame[0] == 0xFD and int.from_bytes(frame[7:10], "little") == number:
             reported = self._reader.decode(bytearray(frame))
@@ -253,7 +253,7 @@ class Hall:
                 theirs = self.tracker.info.version == self.version
                 if theirs and self.tracker.info.clock_hz == CLOCK_HZ:
                     return
-                self.tracker.take(self._info, SERVER, self.now_s)  # it was told of another
+                self.tracker.take(self._info, SERVER, self.now_s)  # another was reported
             self.now_s += 1.1
         raise WrongError("the tracker does not come to know its server again")
 

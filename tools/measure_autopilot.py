@@ -80,7 +80,7 @@ LOST_S: Final = 0.25  # an output that has not moved by then has not followed
 
 
 class Reported:
-    """A firmware's simulator interface, with what the servos were told last."""
+    """A firmware's simulator interface, with what the servos were commanded last."""
 
     def __init__(self, physics: Any) -> None:
         self._physics = physics

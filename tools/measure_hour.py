@@ -60,7 +60,7 @@ PARAMETERS: Final = {
     "TRIM_THROTTLE": 40.0,
     "THR_SLEWRATE": 100.0,
 }
-# Home is where it is armed, unless it is told; and within 10 m of its height ArduPlane takes the
+# Home is where it is armed, unless it is set; and within 10 m of its height ArduPlane takes the
 # aircraft for one that has not taken off, and lets the throttle stay closed.
 FOOT: Final = MissionItem(
     frame=0,

@@ -141,7 +141,7 @@ def outcome(
 
 
 def reported(log: str) -> str:
-    """What the module told of the hand-over and of its end."""
+    """What the module reported of the hand-over and of its end."""
     found = re.findall(r"(?:tgl_soar: )?(the autopilot (?:lands|is in|does not land).*)", log)
     found += re.findall(r"(LND_BY \d: .*|its (?:home|mission).*: we land)", log)
     found += re.findall(r"released: (.*)", log)[-1:]

@@ -1,4 +1,4 @@
-"""The figures of docs/page.md, measured anew: `python tools/measure_page.py`.
+"""The figures of docs/page.md, measured again: `python tools/measure_page.py`.
 
     mouse to MAVLink      from the browser's clock at the release to the server's at the last frame
     telemetry to pixel    from the server's clock at a message's arrival to the browser's at its

@@ -248,7 +248,7 @@ def finished(child: int, folder: Path) -> Verdict:
 
 
 def found_slow(folder: Path) -> dict[str, float]:
-    """Tests that a process found to take long, with what it was told of others."""
+    """Tests that a process found to take long, with what others reported to it."""
     try:
         found: dict[str, float] = json.loads((folder / _SLOW).read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):  # it ended early

@@ -31,7 +31,7 @@ LEFT_OUT: Final = ("real time",)  # groups of tests/conftest.py
 HIDDEN: Final = "numba"
 FOLDER: Final = Path(".cache", "mutants")
 _RECORDING: Final = "MUTATION_REACH"
-# xdist begins with what has the most cases unless told otherwise, as in the Makefile.
+# xdist begins with what has the most cases by default, as in the Makefile.
 _WORKERS: Final = ("--dist", "loadgroup", "--no-loadscope-reorder")
 
 

@@ -55,7 +55,7 @@ NAMED: Final = (
         "CLEAR_FACTOR: Final = 0.5",
         "clear of the ground again below the least clearance",
     ),
-    # What one law is told of another.
+    # What one law knows of another.
     Named(
         "control/surface_loops.py",
         "            dt_s,\n            state.limited.elevator_blocked,\n",
