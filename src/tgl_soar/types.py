@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 NAN: Final = float("nan")
 INFINITE: Final = float("inf")
 NEVER_S: Final = -INFINITE  # the time of what has not been yet
-FLOAT32_MAX: Final = 3.4028234e38  # packed in 32 bits it is the largest finite number
+FLOAT32_MAX: Final = 3.4028234663852886e38  # the largest finite number that 32 bits hold
 GRAVITY_MPS2: Final = 9.80665  # what it is elsewhere is a bias of the accelerometers
 
 # Modes of the supervisor.  Plain numbers: they go over the wire and into the log.
