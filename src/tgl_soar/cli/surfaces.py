@@ -19,6 +19,8 @@ from tgl_soar.cli.console import AIRFRAME_FILE, console, errors, fail
 from tgl_soar.cli.conversation import Conversation, KeyOption, LinkOption, TimeoutOption
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe
+from tgl_soar.config.flown_gains import with_own_gains
+from tgl_soar.config.lateral_gains import airframe_parameters
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.loop_margin import FLOOR, margin_when_late
 from tgl_soar.link.checks.surface_check import NO_SPEED, SurfaceCheck
@@ -90,7 +92,7 @@ def surfaces(
 
 def latency_words(latencies_s: tuple[float, float], plane: Airframe) -> str:
     """What the latency of commands is, least and most, and what it leaves of the loop's margin."""
-    values = ParameterSet().changed(plane.all_parameters())
+    values = with_own_gains(ParameterSet().changed(airframe_parameters(plane)), plane.autopilot)
     known_ms = 1e3 * values["CMD_DELAY"]
     least_s, most_s = latencies_s
     if not isfinite(least_s):

@@ -8,9 +8,10 @@ from random import Random
 
 import pytest
 from bench_bridge import AIRFRAME
+from msgspec.structs import replace
 
 from tgl_soar.cli.surfaces import latency_words
-from tgl_soar.config.files import load_airframe
+from tgl_soar.config.files import load_airframe, load_flight, load_parameters, shipped
 from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.control.loop_margin import margin_when_late
 from tgl_soar.link.autopilots.ardupilot import ArduPilot
@@ -31,6 +32,7 @@ from tgl_soar.link.messages import (
     ServoOutputRaw,
 )
 
+SITE = shipped("sites/tunnel.toml")
 CHANNELS = SurfaceChannels(
     elevator=SurfaceChannel(channel=2, pwm_min=1100, pwm_trim=1500, pwm_max=1900, reversed=True),
     aileron=SurfaceChannel(channel=1, pwm_min=1000, pwm_trim=1480, pwm_max=2000),
@@ -186,6 +188,22 @@ def test_the_latency_is_compared_with_what_the_schedule_knows() -> None:
     bad = latency_words((0.06, 0.06), plane)
     assert f"{far:.2f} to {far:.2f}, of 0.5: make the link faster, or set CMD_DELAY" in bad
     assert "not measured" in latency_words((float("nan"), float("nan")), plane)
+
+
+def test_of_an_aircraft_whose_file_gives_no_gains_those_are_judged_that_it_flies_with() -> None:
+    """A glider of 2 m: the shipped aircraft's gains, as they are, would leave it no margin."""
+    shipped_one, site, _ = load_flight(AIRFRAME, SITE)
+    bench = replace(
+        shipped_one.airframe, name="2 m", mass_kg=1.3, span_m=2.0, chord_m=0.2, wing_area_m2=0.39,
+        ixx_kgm2=0.09, iyy_kgm2=0.05, izz_kgm2=0.13,
+    )  # fmt: skip
+    plane = replace(shipped_one, airframe=bench, parameters={})
+    flown = load_parameters(plane, AIRFRAME, site, SITE)
+    late_s = flown["CMD_DELAY"]
+    left = margin_when_late(flown, late_s)
+    assert margin_when_late(ParameterSet().changed(plane.all_parameters()), late_s) < 0.5 <= left
+    words = latency_words((late_s, late_s), plane)
+    assert words.endswith(f"it would leave a margin of {left:.2f} to {left:.2f}")
 
 
 @pytest.mark.parametrize(
