@@ -37,7 +37,8 @@ def test_what_is_wrong_with_fence_and_lines_is_reported(
     lines = "[lines]\nup = { x_m = 0, z_m = 40 }\n"
     assert reported(f"{lines}[parameters]\nTGL_Z = 40\n") == (
         True,
-        "no fence: set FENCE_X_MIN and its like to where the pilot is to have the aircraft",
+        "by the site file the wind comes from 0 deg (north)"
+        " no fence: set FENCE_X_MIN and its like to where the pilot is to have the aircraft",
     )
     good, words = reported(f"{lines}[parameters]\nTGL_Z = 20\nFENCE_Z_MAX = 30\n")
     assert good
@@ -61,6 +62,21 @@ def test_a_contour_of_another_airframe_checks_no_line(capsys: pytest.CaptureFixt
         " 'own': put what `tgl-soar site contour` prints for it into the site file"
     )
     assert words in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(("wind_deg", "words"), [
+    (270.0, "270 deg (west)"), (-45.0, "315 deg (north-west)"), (350.0, "350 deg (north)"),
+    (67.6, "67.6 deg (east)"), (200.0, "200 deg (south)"),
+])  # fmt: skip
+def test_where_the_wind_comes_from_is_reported(
+    wind_deg: float, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file that leaves it out has it from north, and nobody would be told."""
+    path = tmp_path / "site.toml"
+    path.write_text(f'[site]\nname = "field"\nwind_from_deg = {wind_deg}\n')
+    site = load_site(path)
+    _place_reported(PLANE, site, load_parameters(PLANE, AIRFRAME, site, path))
+    assert f"the wind comes from {words}\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import typer
 from rich.table import Table
@@ -116,8 +116,22 @@ def _read(check: Preflight, conversation: Conversation, timeout_s: float) -> Non
             return
 
 
+_QUARTERS: Final = (
+    *("north", "north-east", "east", "south-east"),
+    *("south", "south-west", "west", "north-west"),
+)
+
+
 def _place_reported(plane: Airframe, place: Site, values: ParameterSet) -> CheckedPart:
-    """What is to be said of the fence and the lines; whether the files' line can be engaged on."""
+    """What is to be said of wind, fence and lines; whether the files' line can be engaged on."""
+    wind_deg = place.site.wind_from_deg % 360.0
+    quarter = _QUARTERS[round(wind_deg / 45.0) % len(_QUARTERS)]
+    console.print(
+        f"by the site file the wind comes from {wind_deg:g} deg ({quarter})",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+    )
     bounds = bounds_from(plane, place)
     faults = bounds.preset_faults(values, preset_lines(place, values))
     fence, margins = open_sides(values), bounds.warning(values)
