@@ -5,6 +5,7 @@ Each bound is tried on both sides, by the number as a person writes it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from math import inf, pi
 from typing import Any
@@ -28,7 +29,7 @@ BENCH = {
     "name": "test", "mass_kg": 0.7, "wing_area_m2": 0.18, "span_m": 1.1, "chord_m": 0.16,
     "ixx_kgm2": 0.01, "iyy_kgm2": 0.01, "izz_kgm2": 0.02,
 }  # fmt: skip
-POLAR = {"c0": 9, "c1": -2, "c2": 0.2, "c3": 0, "speed_min_mps": 7.5, "speed_max_mps": 12}
+POLAR = {"c0": 9, "c1": -2, "c2": 0.12, "c3": 0, "speed_min_mps": 7.5, "speed_max_mps": 12}
 
 # Of each table: the least that it takes.
 LEAST: dict[type[Any], dict[str, Any]] = {
@@ -152,8 +153,7 @@ RANGES: dict[type[Any], dict[str, tuple[float, float]]] = {
         "izz_kgm2": (1e-6, 1e4),
     },
     of_airframe.Polar: {
-        "c0": FINITE, "c1": FINITE, "c2": FINITE, "c3": FINITE, "speed_min_mps": (1e-9, 11.999999),
-        "speed_max_mps": (7.500001, LARGEST),
+        "speed_min_mps": (1e-9, 11.999999), "speed_max_mps": (7.500001, LARGEST),
     },
 }  # fmt: skip
 KEYS = [(kind, key) for kind, keys in RANGES.items() for key in keys]
@@ -190,6 +190,28 @@ def test_a_number_is_taken_from_its_least_to_its_most_and_no_other(
     for value in (below, above, -inf, inf):
         with pytest.raises((msgspec.ValidationError, ValueError)):
             made(kind, {key: value})
+
+
+@pytest.mark.parametrize("key", ["c0", "c1", "c2", "c3"])
+@pytest.mark.parametrize("at_mps", [7.5, 12.0])
+def test_a_polar_sinks_at_every_speed_that_it_has(key: str, at_mps: float) -> None:
+    """One that climbs at its least or its fastest speed has an updraft of its own everywhere."""
+    power = int(key[1])
+    sink = sum(POLAR[f"c{k}"] * at_mps**k for k in range(4))
+    level = POLAR[key] - sink / at_mps**power
+    with pytest.raises((msgspec.ValidationError, ValueError), match="c0, c1, c2, c3: a sink of -"):
+        made(of_airframe.Polar, {key: level - 1e-9})
+    flat = {"c0": 1.0, "c1": 0.0, "c2": 0.0, "c3": 0.0}
+    assert made(of_airframe.Polar, {**flat, key: 1.0}).as_polar()[power] == 1.0
+    for number in (-inf, inf):
+        with pytest.raises((msgspec.ValidationError, ValueError)):
+            made(of_airframe.Polar, {key: number})
+
+
+def test_a_polar_that_climbs_between_its_ends_is_refused_and_says_where() -> None:
+    between = {"c0": 9.5, "c1": -2.0, "c2": 0.1}  # 0.1 (v - 10)² - 0.5
+    with pytest.raises((msgspec.ValidationError, ValueError), match=r"of -0\.5 m/s at 10 m/s"):
+        made(of_airframe.Polar, {**between, "speed_min_mps": 7.0, "speed_max_mps": 13.0})
 
 
 def test_a_turbulent_air_is_calm_where_nothing_is_said() -> None:
@@ -362,9 +384,8 @@ def test_pulses_grow_from_end_to_end(ends: tuple[int, int, int], good: bool) -> 
             made(of_airframe.Surface, table)
 
 
-@pytest.mark.parametrize("key", ["gravity_mps2", "air_density_kgpm3", "CD0", "Cl_aileron",
-                                 "Cm_elevator", "Cn_rudder", "stall_alpha_rad",
-                                 "stall_width_rad"])  # fmt: skip
+@pytest.mark.parametrize("key", ["gravity_mps2", "CD0", "Cl_aileron", "Cm_elevator", "Cn_rudder",
+                                 "stall_alpha_rad", "stall_width_rad"])  # fmt: skip
 @pytest.mark.parametrize(("value", "good"), [(1e-3, True), (0.0, False), (-1.0, False)])
 def test_what_of_the_model_is_divided_by_is_above_zero(key: str, value: float, good: bool) -> None:
     if good:
@@ -382,6 +403,30 @@ def test_what_turns_an_aircraft_over_is_below_zero(key: str, value: float, good:
     else:
         with pytest.raises(msgspec.ValidationError, match=rf"model\.{key} = {value:g}: .*below 0"):
             airframe(model={key: value})
+
+
+@pytest.mark.parametrize(("key", "low", "high"), [
+    ("air_density_kgpm3", 0.3, 1.6), ("servo_lag_radps", 3.4, 1e4), ("CD0", 1e-6, 0.5),
+    ("servo_delay_s", 0.0, 0.3),
+])  # fmt: skip
+def test_what_has_units_has_a_range(key: str, low: float, high: float) -> None:
+    for value in (low, high):
+        assert airframe(model={key: value}).model == {key: value}
+    for value in (low - 1e-6, 1.001 * high):
+        with pytest.raises(msgspec.ValidationError, match=rf"model\.{key} = .*: must be "):
+            airframe(model={key: value})
+
+
+def test_a_servo_s_delay_and_lag_are_not_too_much_together() -> None:
+    airframe(model={"servo_delay_s": 0.1, "servo_lag_radps": 5.0001})
+    with pytest.raises(
+        msgspec.ValidationError,
+        match=re.escape(
+            "model.servo_delay_s = 0.11: must be up to 0.3 s, together with 1 / servo_lag_radps"
+            " = 0.2 s"
+        ),
+    ):
+        airframe(model={"servo_delay_s": 0.11, "servo_lag_radps": 5.0})
 
 
 @pytest.mark.parametrize("slope", [0.5, 0.8, 5.5, 8.0])
@@ -504,6 +549,7 @@ def test_every_key_of_the_model_is_known_and_no_other() -> None:
     for key in of_airframe.MODEL_KEYS:
         if not key.startswith("propeller_"):
             value = -0.5 if key in of_airframe.NEGATIVE_KEYS else 0.5
+            value = {"servo_lag_radps": 50.0, "servo_delay_s": 0.05}.get(key, value)
             assert airframe(model={key: value}).model == {key: value}
     with pytest.raises((msgspec.ValidationError, ValueError), match=r"model\.CL_beta: unknown key"):
         airframe(model={"CL_beta": 0.5})

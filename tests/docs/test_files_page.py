@@ -158,8 +158,9 @@ def test_the_keys_of_the_model_are_those_that_are_known() -> None:
     ]
     stall = f"above 0, up to {number(airframe.STALL_MAX_RAD)}"
     assert [key for key in range_words if range_words[key] == stall] == [*airframe._BELOW_STALL_MAX]
-    for key, low, high in (("CL_alpha", *airframe._LIFT_SLOPE), *airframe._PROPELLER_RANGES):
-        assert range_words[key] == f"{number(low)} … {number(high)}"
+    for key, low, high in (("CL_alpha", *airframe._LIFT_SLOPE), *airframe._RANGES):
+        words = "above 0, up to" if key in airframe.POSITIVE_KEYS else f"{number(low)} …"
+        assert range_words[key] == f"{words} {number(high)}"
 
 
 def test_every_table_of_a_file_has_a_section() -> None:

@@ -16,7 +16,7 @@ from tgl_soar.config.dynamics import MeasuredDynamics, dynamics_parameters
 from tgl_soar.config.glide_limits import pitch_limits, slowest_airspeed
 from tgl_soar.config.stall_limit import stall_limit
 from tgl_soar.config.strict import Finite, Measured, Strict, SystemId
-from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar
+from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar, polar_sink
 
 Pwm = Annotated[int, Meta(ge=800, le=2200)]
 Channel = Annotated[int, Meta(ge=1, le=18)]
@@ -191,6 +191,15 @@ class Polar(Strict, frozen=True):
                 f"speed_min_mps = {self.speed_min_mps:g}: must be below speed_max_mps ="
                 f" {self.speed_max_mps:g}"
             )
+        polar, low, high = self.as_polar(), self.speed_min_mps, self.speed_max_mps
+        parts = [k / _SPEEDS for k in range(_SPEEDS + 1)]
+        speeds = [(1.0 - part) * low + part * high for part in parts]
+        sink, speed = min((polar_sink(polar, speed), speed) for speed in speeds)
+        if not sink > 0.0:
+            raise ValueError(
+                f"c0, c1, c2, c3: a sink of {sink:.3g} m/s at {speed:.3g} m/s: must be above 0"
+                " from speed_min_mps to speed_max_mps"
+            )
 
     def as_polar(self) -> GlidePolar:
         """The polar that the laws and the contour take."""
@@ -232,6 +241,7 @@ class Airframe(Strict, frozen=True):
                 raise ValueError(f"model.{key} = {self.model[key]:g}: must be above 0")
         _check_size(self.airframe)
         _check_signs(self.model)
+        _check_ranges(self.model)
         _check_propeller(self.model)
 
     def all_parameters(self) -> dict[str, float]:
@@ -307,18 +317,29 @@ def _check_signs(model: dict[str, float]) -> None:
             raise ValueError(f"model.{key} = {model[key]:g}: must be below 0")
 
 
-def _check_propeller(model: dict[str, float]) -> None:
-    """Errors: ValueError for half of a propeller's figures, or some out of their range."""
-    for key, low, high in _PROPELLER_RANGES:
+def _check_ranges(model: dict[str, float]) -> None:
+    """Errors: ValueError for figures such as in other units."""
+    for key, low, high in _RANGES:
         value = model.get(key)
         if value is not None and not low <= value <= high:
             raise ValueError(f"model.{key} = {value:g}: must be from {low:g} to {high:g}")
+    lag_s = 1.0 / model.get("servo_lag_radps", inf)
+    if not model.get("servo_delay_s", 0.0) + lag_s <= SERVO_LATE_MAX_S:
+        raise ValueError(
+            f"model.servo_delay_s = {model['servo_delay_s']:g}: must be up to"
+            f" {SERVO_LATE_MAX_S:g} s, together with 1 / servo_lag_radps = {lag_s:.3g} s"
+        )
+
+
+def _check_propeller(model: dict[str, float]) -> None:
+    """Errors: ValueError for half of a propeller's figures."""
     given = [key for key in OF_THE_PROPELLER[:2] if key in model]
     if len(given) == 1:
         missing = next(key for key in OF_THE_PROPELLER if key not in model)
         raise ValueError(f"model.{missing}: missing, where {given[0]} is given")
 
 
+_SPEEDS: Final = 20  # of a polar that are looked at: a cubic bends no faster
 # A mean chord makes it 1; a delta's aerodynamic one 0.75, the root's of any wing 0.5 and more.
 _OF_SPAN_TIMES_CHORD: Final = (0.4, 2.0)
 # Radii of gyration: 0.12 to 0.17 in roll and yaw, 0.06 to 0.12 in pitch; 0.5 is a mass at the tips.
@@ -333,7 +354,12 @@ _ON_THE_BENCH: Final = ("mass_kg", "wing_area_m2", "chord_m")
 OF_THE_BRAKE: Final = ("CL_brake", "CD_brake", "Cm_brake")  # 0 where [model] has none
 # Without one there are none of them; a lag that is not given is none.
 OF_THE_PROPELLER: Final = ("propeller_thrust_n", "propeller_speed_mps", "propeller_lag_s")
-_PROPELLER_RANGES: Final = (
+SERVO_LATE_MAX_S: Final = 0.3  # a slower one holds no line; DYN_SERVO goes no farther
+_RANGES: Final = (
+    ("air_density_kgpm3", 0.3, 1.6),  # at 12 km; at sea level, at 60 degrees below zero
+    ("CD0", 0.0, 0.5),  # more than any aircraft with its brakes out
+    ("servo_lag_radps", 3.4, 1e4),
+    ("servo_delay_s", 0.0, SERVO_LATE_MAX_S),
     ("propeller_thrust_n", 0.0, 1e4),
     ("propeller_speed_mps", 1.0, 200.0),
     ("propeller_lag_s", 0.0, 2.0),
@@ -362,7 +388,6 @@ SIMULATED_KEYS: Final = tuple(
 )
 POSITIVE_KEYS: Final = (
     "gravity_mps2",
-    "air_density_kgpm3",
     "stall_alpha_rad",
     "stall_width_rad",
     "CD0",

@@ -56,8 +56,6 @@ def lateral_dynamics(airframe: Airframe) -> LateralDynamics:
     model, bench = airframe.model, airframe.airframe
     if not all(name in model for name in _NEEDED):
         return UNKNOWN
-    if not (model["servo_lag_radps"] > 0.0 and model["servo_delay_s"] >= 0.0):
-        return UNKNOWN
     speed = SPEED_FACTOR * airframe.polar.speed_min_mps
     pressure = 0.5 * model["air_density_kgpm3"] * speed * speed
     span_force = pressure * bench.wing_area_m2 * bench.span_m
