@@ -41,8 +41,8 @@ def served() -> Iterator[Served]:
     server.end()
 
 
-def window_on(browser: Any, served: Served) -> PageWindow:
-    page = browser.new_page()
+def window_on(browser: Any, served: Served, width: int = 1280, height: int = 720) -> PageWindow:
+    page = browser.new_page(viewport={"width": width, "height": height})
     page.goto(served.address)
     assert served.address.endswith(TOKEN)
     window = PageWindow(page)
@@ -148,4 +148,99 @@ def test_keys_lean_the_line_no_further_than_the_hand_and_enter_leaves_a_drag_alo
     window.page.mouse.up()
     assert window.value("page.hand.drag === null && page.plane.requested === null")
     assert window.value("m.connected")
+    window.page.close()
+
+
+# --- where things stand ------------------------------------------------------------------------
+
+SIZES = ((1400, 957), (1920, 1080), (1200, 800), (390, 844))
+# Long words in every place that has some: numbers with a sign, a gauge at its limit, a message.
+FULL = """() => {
+  const now = { soar_x: -10.12, soar_z: -1.15, pitch: -12.9, roll: -179.9, pitch_sp: -12.0, fc_state: 3,
+    fc_time: 1.5, clearance: 0.2, battery_v: 11.4, battery: 0.15, age_pos: 9.99, age_ap: 99.9, esc_left: 0.1,
+    esc_time: 99, e_rho: -1.234, pt_state: 2, pt_off: -0.123, brake: 1, entry: 0xffffff, soar_mode: 4 };
+  const texts = [{ first: 1, time: 1, count: 1, severity: 4, source: "module",
+    text: "refused: the line's point is outside the fence (FENCE_Z_MAX is 2.85 m)" }];
+  const parameters = { ...page.model.parameters, TGL_PLACE: -1, CAPTURE_MAX: 0.5, TGL_HOLD: 1 };
+  page.live.onFrame({ now, texts, parameters, alive: true });
+}"""
+# Of the texts of the page those that leave their box, as "box: text".
+OVER = """() => {
+  const over = [];
+  const walk = document.createTreeWalker(document.querySelector("main"), NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const of = walk.currentNode.parentElement;
+    if (!walk.currentNode.data.trim() || of.closest("select, #plane, #message-list")) continue;
+    const box = of.closest("#attitude, .card");
+    const [inner, edge] = [document.createRange(), box.getBoundingClientRect()];
+    inner.selectNodeContents(walk.currentNode);
+    for (const r of inner.getClientRects()) {
+      if (r.width && (r.left < edge.left + 5 || r.right > edge.right - 5)) over.push(`${box.id}: ${of.textContent}`);
+    }
+  }
+  const texts = [...document.querySelectorAll("#attitude text")].map((t) => t.getBoundingClientRect());
+  if (texts[0].right + 2 > texts[1].left) over.push("pitch and roll");
+  if (document.documentElement.scrollWidth > innerWidth) over.push("the page itself");
+  return over;
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_no_text_leaves_its_card(width: int, height: int, browser: Any, served: Served) -> None:
+    window = window_on(browser, served, width=width, height=height)
+    window.page.evaluate(FULL)
+    window.until(lambda: "elsewhere" in window.page.inner_text("#place-words"))
+    window.until(lambda: "at its limit" in window.page.inner_text("#gauge-list"))
+    assert window.page.evaluate(OVER) == []
+    window.page.close()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES[:2])
+def test_the_plane_has_most_of_a_wide_screen_and_messages_a_sixth(
+    width: int, height: int, browser: Any, served: Served
+) -> None:
+    window = window_on(browser, served, width=width, height=height)
+    sides = "['plane-box', 'messages', 'checks'].map((n) => document.getElementById(n))"
+    sides += ".map((e) => e.getBoundingClientRect())"
+    plane, messages, checks = (window.value(f"{sides}[{i}].toJSON()") for i in range(3))
+    assert plane["width"] > 0.59 * width
+    assert messages["width"] < 0.17 * width
+    assert checks["bottom"] <= height  # nobody scrolls for them
+    window.page.close()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_no_aircraft_and_no_contour_covers_a_name(
+    width: int, height: int, browser: Any, served: Served
+) -> None:
+    """An arch as surveys measure them: its top is in its middle, its ends are lower."""
+    window = window_on(browser, served, width=width, height=height)
+    arch = [[0.05 + 0.1 * i, 1.9 - 0.9 * (1.0 - 0.1 * i) ** 2] for i in range(13)]
+    drawing = {"contour": [arch], "cells": [[1]], "x": 0, "z": 1, "step": 1, "readings": 9}
+    window.page.evaluate("(measured) => page.live.onFrame({measured})", drawing)
+    window.until(lambda: window.value("page.plane.part.measuredTag.textContent === 'measured'"))
+    covered = window.page.evaluate(
+        """async () => {
+          const box = (e) => e.getBoundingClientRect();
+          const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+          const covered = [];
+          const { plane, model } = page;
+          const curve = plane.part.measured;
+          const edge = box(plane.svg);
+          const tag = box(plane.part.measuredTag);
+          for (let s = 0; s < curve.getTotalLength(); s++) {
+            const { x, y } = curve.getPointAtLength(s);
+            const at = { left: edge.left + x, right: edge.left + x, top: edge.top + y, bottom: edge.top + y };
+            if (meet(tag, at)) { covered.push("measured"); break; }
+          }
+          for (const preset of model.scene.presets) {
+            page.live.onFrame({ now: { soar_x: preset.x, soar_z: preset.z, pitch: 10 } });
+            plane.update();
+            const name = [...plane.svg.querySelectorAll("text")].find((t) => t.textContent === preset.name);
+            if (meet(box(name), box(plane.part.craft))) covered.push(preset.name);
+          }
+          return covered;
+        }"""
+    )
+    assert covered == []
     window.page.close()

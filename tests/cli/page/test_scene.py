@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from page_flight import AIRFRAME, SITE
 
-from tgl_soar.cli.page.scene import Place, _contour, _map, meanings, place_of
+from tgl_soar.cli.page.scene import Place, _contour, _map, _screen, meanings, place_of
 from tgl_soar.config.files import load_airframe, load_parameters, load_site, shipped
 from tgl_soar.config.parameters import PARAMETERS
 from tgl_soar.control.supervisor import ENTRY
@@ -125,6 +125,26 @@ def test_the_map_has_72_cells_along_its_longer_side(view: list[float]) -> None:
                 assert isinstance(row[i], int)
             elif z < 0.95 or z > 3.05:
                 assert row[i] is None
+
+
+@pytest.mark.parametrize(
+    ("view", "screen"),
+    [([1.0, 3.0, 0.0, 2.0], [0.65, 3.35, 0.0, 2.0]), ([1.0, 4.0, 0.0, 2.0], [1.0, 4.0, 0.0, 2.0])],
+)
+def test_the_air_is_as_wide_as_the_plane_on_a_screen(
+    view: list[float], screen: list[float]
+) -> None:
+    """1.35 times as wide as high at least; without it the map would end beside the view."""
+    assert _screen(view) == pytest.approx(screen)
+
+
+def test_the_map_of_a_site_begins_and_ends_at_the_edges_of_the_screen() -> None:
+    scene = placed(SITE).scene
+    x_from, x_to, z_from, _ = _screen(scene["view"])
+    drawn = scene["updraft"]
+    assert x_from < scene["view"][0]
+    assert (drawn["x"], drawn["z"]) == (pytest.approx(x_from), pytest.approx(z_from))
+    assert drawn["x"] + drawn["step"] * (len(drawn["cells"][0]) - 1) >= x_to - 1e-9
 
 
 def test_the_models_contour_is_where_updraft_is_sink() -> None:

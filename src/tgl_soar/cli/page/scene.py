@@ -34,6 +34,7 @@ from tgl_soar.types import GlidePolar, Ground
 
 CELLS: Final = 72  # of the map, along its longer side
 ROOM: Final = 0.08  # of the view, around what is drawn
+WIDTHS: Final = 1.35  # heights of the view: so wide at least is the air, as the plane on a screen
 EMPTY_M: Final = 5.0  # to each side of the line, where a site gives nothing to see
 HELD_BACK_TEXT: Final = "not held back (abort, switch, line, set-up)"
 
@@ -67,10 +68,11 @@ def place_of(airframe: Airframe, site: Site, values: ParameterSet, folder: Path)
     band: list[Any] = []  # its other edge: where updraft equals sink with all of the brake
     has_brake = airframe.surfaces.brake is not None
     if field is not None:
-        updraft = _map(field, view)
-        parts = _contour(field, polar, view) or parts
+        seen = _screen(view)
+        updraft = _map(field, seen)
+        parts = _contour(field, polar, seen) or parts
         if has_brake:
-            band = _contour(field, braked(airframe.aerodynamics(), 1.0).polar, view)
+            band = _contour(field, braked(airframe.aerodynamics(), 1.0).polar, seen)
     scene = {
         "site": site.site.name,
         "airframe": airframe.airframe.name,
@@ -142,6 +144,13 @@ def _view(site: Site, values: ParameterSet, known: Any) -> list[float]:
         xs, zs = [x - EMPTY_M, x + EMPTY_M], [z - EMPTY_M, z + EMPTY_M]
     room = ROOM * max(max(xs) - min(xs), max(zs) - min(zs), 1.0)
     return [min(xs) - room, max(xs) + room, min(zs) - room, max(zs) + room]
+
+
+def _screen(view: list[float]) -> list[float]:
+    """What a wide screen shows beside the view: without air there the map would end in an edge."""
+    x_from, x_to, z_from, z_to = view
+    beside = max(0.0, 0.5 * (WIDTHS * (z_to - z_from) - (x_to - x_from)))
+    return [x_from - beside, x_to + beside, z_from, z_to]
 
 
 def _map(field: Any, view: list[float]) -> dict[str, Any]:

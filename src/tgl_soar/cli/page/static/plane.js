@@ -7,6 +7,8 @@ const RAD = Math.PI / 180;
 const NOSE = "M-17 0C-14 -3.2 -8 -4 0 -3.4L12 -2 18 -10 21 -10 20 .5C14 3 -8 4.2 -17 0Z";
 const WING = "M-6 -1.6C-4 -3.4 4 -3 8 -.6L7 .8C2 .2 -4 .8 -6 -1.6Z";
 
+const NAME_ASIDE = 26; // of a line's name from its point: the aircraft is that long
+
 export class Plane {
   constructor(svg, model) {
     this.svg = svg;
@@ -17,6 +19,7 @@ export class Plane {
     this.under = svg.appendChild(draw("g"));
     this.still = svg.appendChild(draw("g"));
     this.moving = svg.appendChild(draw("g"));
+    this.names = svg.appendChild(draw("g", { "pointer-events": "none" })); // no aircraft hides them
     this.part = {};
     this.build();
     this.key = "";
@@ -101,6 +104,8 @@ export class Plane {
     if (this.key === key) return;
     this.key = key;
     this.still.replaceChildren();
+    this.names.replaceChildren();
+    this.named = [];
     const add = (tag, attributes, text) => this.still.appendChild(draw(tag, attributes, text));
     const labels = this.drawGrid(add);
     this.drawGround(add, scene, p.CLEAR_MIN);
@@ -118,8 +123,32 @@ export class Plane {
     for (const preset of scene.presets) {
       add("line", { class: "preset", ...this.ends(preset) });
       add("circle", { class: "preset-dot", cx: this.X(preset.x), cy: this.Z(preset.z), r: 3 });
-      this.tag(add, "tag", [preset.x, preset.z], preset.name);
+      this.name(preset);
     }
+  }
+
+  // A line's name, beside the place where the aircraft flies on it.
+  name({ x, z, name }) {
+    const [at, base] = [this.X(x), this.Z(z) + 4];
+    const places = [[at + 12, base + 20], [at - NAME_ASIDE - breadth(name), base], [at + NAME_ASIDE, base]];
+    const [left, low] = this.freest(places, name, this.pixels(this.model.scene.contour));
+    this.names.append(draw("text", { class: "tag", x: left, y: low }, name));
+    this.named.push([left + breadth(name) / 2, low - 4]);
+  }
+
+  // Of places for a text (its left end and base) the first that fewest points lie under.
+  freest(places, text, points) {
+    const wide = breadth(text);
+    const under = ([left, base]) => {
+      const inside = left > 2 && left + wide < this.width - 2 && base > 12 && base < this.height - 4;
+      const crossed = points.filter(([x, y]) => x > left - 3 && x < left + wide + 3 && y > base - 12 && y < base + 5);
+      return crossed.length + (inside ? 0 : 1000);
+    };
+    return places.reduce((best, place) => (under(place) < under(best) ? place : best));
+  }
+
+  pixels(parts) {
+    return parts.flat().map(([x, z]) => [this.X(x), this.Z(z)]);
   }
 
   tag(add, name, [x, z], text, anchor = "start") {
@@ -136,10 +165,21 @@ export class Plane {
     this.under.replaceChildren(...(map ? [this.picture(map)] : []));
     const pieces = (measured?.contour ?? []).map((piece) => this.path(piece));
     this.part.measured.setAttribute("d", pieces.join(""));
-    const points = (measured?.contour ?? []).flat();
-    const top = points.reduce((a, b) => (b[1] > a[1] ? b : a), points[0]);
-    this.show("measuredTag", top, () => ({ x: this.X(top[0]) + 8, y: this.Z(top[1]) + 4 }));
-    words(this.part.measuredTag, top ? "measured" : "");
+    this.nameMeasured(measured?.contour ?? []);
+  }
+
+  // Beside an end of the measured contour, where it lies on nothing; the highest end comes first.
+  nameMeasured(parts) {
+    const text = parts.length ? "measured" : "";
+    words(this.part.measuredTag, text);
+    if (!text) return;
+    const points = this.model.scene.presets.map((preset) => [preset.x, preset.z]);
+    const taken = [...this.named, ...this.pixels([...parts, ...this.model.scene.contour, points])];
+    const wide = breadth(text);
+    const ends = this.pixels([parts.flatMap((part) => [part[0], part[part.length - 1]])]).sort((a, b) => a[1] - b[1]);
+    const places = ends.flatMap(([x, y]) => [[x + 10, y + 4], [x - wide - 10, y + 4], [x - wide / 2, y - 12], [x - wide / 2, y + 20]]);
+    const [left, base] = this.freest(places, text, taken);
+    set(this.part.measuredTag, { x: left, y: base });
   }
 
   picture(map) {
@@ -210,7 +250,10 @@ export class Plane {
     const right = Math.min(this.X(p.FENCE_X_MAX), this.width + 20);
     const low = Math.min(this.Z(p.FENCE_Z_MIN), this.height + 20);
     add("rect", { class: "fence", x, y, width: Math.max(0, right - x), height: Math.max(0, low - y) });
-    add("text", { class: "tag f", x: right - 36, y: Math.max(14, y - 5) }, "fence");
+    const base = Math.max(14, y - 5);
+    const places = [right - 36, (x + right) / 2, right - 120].map((left) => [left, base]);
+    const [left] = this.freest(places, "fence", this.pixels(this.model.scene.contour));
+    add("text", { class: "tag f", x: left, y: base }, "fence");
   }
 
   // The strip about the landing point; none is known where it has no length.
@@ -344,7 +387,7 @@ export class Plane {
     this.part.foreseenCross.setAttribute("visibility", settles ? "hidden" : "inherit");
     const text = settles ? (seconds >= 1 ? `stops in ${fixed(seconds, 0)} s` : "")
       : `no place to settle${known(seconds) ? ` · ${fixed(seconds, 1)} s` : ""}`;
-    set(this.part.foreseenTag, { x: 16, y: 16, class: settles ? "tag n" : "tag bad" });
+    set(this.part.foreseenTag, { x: 26, y: 18, class: settles ? "tag n" : "tag bad" });
     words(this.part.foreseenTag, text);
   }
 
@@ -400,7 +443,13 @@ function highest(line, parts) {
   return best;
 }
 
+// About how wide a label is, in pixels: all of them are small.
+const breadth = (text) => 6.6 * text.length;
+
 const round0 = (value) => (Math.abs(value) < 1e-9 ? 0 : value);
+
+// With a tenth, as long as that fits.
+const angle = (value) => `${fixed(value, Math.abs(value) < 99.95 ? 1 : 0)}°`;
 
 // A small side view: the aircraft at its pitch, and the pitch that is asked for.
 export class Attitude {
@@ -409,15 +458,15 @@ export class Attitude {
     svg.appendChild(draw("line", { class: "grid", x1: -56, x2: 56, y1: 0, y2: 0 }));
     this.craft = svg.appendChild(draw("g", { class: "craft" }));
     this.craft.append(draw("path", { d: NOSE }), draw("path", { d: WING }));
-    this.text = svg.appendChild(draw("text", { class: "axis", x: -57, y: 37 }));
-    this.roll = svg.appendChild(draw("text", { class: "axis", x: 8, y: 37 }));
+    this.text = svg.appendChild(draw("text", { class: "axis", x: -60, y: 35 }));
+    this.roll = svg.appendChild(draw("text", { class: "axis", x: 60, y: 35, "text-anchor": "end" }));
   }
 
   update({ pitch, pitch_sp: asked, roll }) {
     this.craft.setAttribute("transform", `rotate(${known(pitch) ? pitch : 0}) scale(1.9)`);
     this.asked.setAttribute("visibility", known(asked) ? "visible" : "hidden");
     if (known(asked)) this.asked.setAttribute("transform", `rotate(${asked})`);
-    words(this.text, `pitch ${fixed(pitch, 1)}°`);
-    words(this.roll, `roll ${fixed(roll, 1)}°`);
+    words(this.text, `pitch ${angle(pitch)}`);
+    words(this.roll, `roll ${angle(roll)}`);
   }
 }
