@@ -78,17 +78,23 @@ def test_every_mode_has_a_level_and_colours_the_strips_where_the_module_flies_or
         list(modes),
     )
     assert flying == [is_flying(mode) for mode in modes]
-    # A row of each mode in turn: a band of each, in the colour of its level.
-    window.page.evaluate(
-        "(modes) => { const m = page.model; const rows = modes.map((mode) => {"
+    # A row of each mode in turn: a band of each, in the colour of its level.  A row of the server's
+    # own may come in between.
+    script = (
+        "async (modes) => { const m = page.model; const rows = modes.map((mode) => {"
         " const row = m.scene.rows.map(() => 0); row[0] = mode + 1;"
         " row[m.columns.soar_mode] = mode; return row; });"
-        " page.live.onFrame({whole: true, now: {soar_mode: 4}, rows}); }",
-        list(modes),
+        " page.live.onFrame({whole: true, now: {soar_mode: 4}, rows});"
+        " for (const i of [0, 1]) await new Promise(requestAnimationFrame);"
+        " return [...document.querySelector('.strip svg g').children].map((b) => b.style.fill); }"
     )
-    colours = "[...document.querySelector('.strip svg g').children].map((b) => b.style.fill)"
-    window.until(lambda: len(window.page.evaluate(colours)) == len(MODE_NAMES))
-    drawn = window.page.evaluate(colours)
+    drawn: list[str] = []
+
+    def is_whole() -> bool:
+        drawn[:] = window.page.evaluate(script, list(modes))
+        return len(drawn) == len(MODE_NAMES)
+
+    window.until(is_whole)
     levels = dict.fromkeys(("capturing", "holding", "searching", "launching"), "warn")
     levels |= dict.fromkeys(("landing", "beating"), "warn")
     levels |= dict.fromkeys(("recovering", "breaking off", "released", "failed"), "bad")
@@ -156,9 +162,10 @@ def test_keys_lean_the_line_no_further_than_the_hand_and_enter_leaves_a_drag_alo
 SIZES = ((1400, 957), (1920, 1080), (1200, 800), (390, 844))
 # Long words in every place that has some: numbers with a sign, a gauge at its limit, a message.
 FULL = """() => {
-  const now = { soar_x: -10.12, soar_z: -1.15, pitch: -12.9, roll: -179.9, pitch_sp: -12.0, fc_state: 3,
-    fc_time: 1.5, clearance: 0.2, battery_v: 11.4, battery: 0.15, age_pos: 9.99, age_ap: 99.9, esc_left: 0.1,
-    esc_time: 99, e_rho: -1.234, pt_state: 2, pt_off: -0.123, brake: 1, entry: 0xffffff, soar_mode: 4 };
+  const now = { soar_x: -10.12, soar_z: -1.15, pitch: -12.9, roll: -179.9, pitch_sp: -12.0,
+    fc_state: 3, fc_time: 1.5, clearance: 0.2, battery_v: 11.4, battery: 0.15, age_pos: 9.99,
+    age_ap: 99.9, esc_left: 0.1, esc_time: 99, e_rho: -1.234, pt_state: 2, pt_off: -0.123,
+    brake: 1, entry: 0xffffff, soar_mode: 4 };
   const texts = [{ first: 1, time: 1, count: 1, severity: 4, source: "module",
     text: "refused: the line's point is outside the fence (FENCE_Z_MAX is 2.85 m)" }];
   const parameters = { ...page.model.parameters, TGL_PLACE: -1, CAPTURE_MAX: 0.5, TGL_HOLD: 1 };
@@ -175,11 +182,13 @@ OVER = """() => {
     const [inner, edge] = [document.createRange(), box.getBoundingClientRect()];
     inner.selectNodeContents(walk.currentNode);
     for (const r of inner.getClientRects()) {
-      if (r.width && (r.left < edge.left + 5 || r.right > edge.right - 5)) over.push(`${box.id}: ${of.textContent}`);
+      const is_over = r.left < edge.left + 5 || r.right > edge.right - 5;
+      if (r.width && is_over) over.push(`${box.id}: ${of.textContent}`);
     }
   }
-  const texts = [...document.querySelectorAll("#attitude text")].map((t) => t.getBoundingClientRect());
-  if (texts[0].right + 2 > texts[1].left) over.push("pitch and roll");
+  const [pitch, roll] = document.querySelectorAll("#attitude text");
+  const room = roll.getBoundingClientRect().left - pitch.getBoundingClientRect().right;
+  if (room < 2) over.push("pitch and roll");
   if (document.documentElement.scrollWidth > innerWidth) over.push("the page itself");
   return over;
 }"""
@@ -222,7 +231,8 @@ def test_no_aircraft_and_no_contour_covers_a_name(
     covered = window.page.evaluate(
         """async () => {
           const box = (e) => e.getBoundingClientRect();
-          const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+          const meet = (a, b) => a.left < b.right && b.left < a.right
+            && a.top < b.bottom && b.top < a.bottom;
           const covered = [];
           const { plane, model } = page;
           const curve = plane.part.measured;
@@ -230,13 +240,14 @@ def test_no_aircraft_and_no_contour_covers_a_name(
           const tag = box(plane.part.measuredTag);
           for (let s = 0; s < curve.getTotalLength(); s++) {
             const { x, y } = curve.getPointAtLength(s);
-            const at = { left: edge.left + x, right: edge.left + x, top: edge.top + y, bottom: edge.top + y };
+            const at = new DOMRect(edge.left + x, edge.top + y, 0, 0);
             if (meet(tag, at)) { covered.push("measured"); break; }
           }
           for (const preset of model.scene.presets) {
             page.live.onFrame({ now: { soar_x: preset.x, soar_z: preset.z, pitch: 10 } });
             plane.update();
-            const name = [...plane.svg.querySelectorAll("text")].find((t) => t.textContent === preset.name);
+            const texts = [...plane.svg.querySelectorAll("text")];
+            const name = texts.find((t) => t.textContent === preset.name);
             if (meet(box(name), box(plane.part.craft))) covered.push(preset.name);
           }
           return covered;
