@@ -111,9 +111,9 @@ def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> t
 
     flight = read_flight(log)
     step("Legs and spectra")
-    site, notes = _of_the_log(flight, "site", named.site, (load_site, site_from))
+    site, notes = of_the_log(flight, "site", named.site, (load_site, site_from))
     files = load_airframe, airframe_from
-    airframe, more = _of_the_log(flight, "airframe", named.airframe, files)
+    airframe, more = of_the_log(flight, "airframe", named.airframe, files)
     known, unread = _surroundings(site, airframe, named)
     frame = None if site is None else site.frame()
     if airframe is not None:
@@ -128,7 +128,7 @@ _File = TypeVar("_File", Site, Airframe)
 _Files = tuple[Callable[[Path], _File], Callable[[str, str], _File]]  # from a path, from a text
 
 
-def _of_the_log(
+def of_the_log(
     flight: FlightData, kind: str, path: Path | None, files: _Files[_File]
 ) -> tuple[_File | None, list[str]]:
     """The named file, or the one that the log holds, and what is wrong with that."""

@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 from page_flight import (
-    AIRFRAME,
     PATIENCE_S,
     READY,
     SITE,
@@ -507,7 +506,6 @@ def test_a_finger_drags_the_line_and_scrolls_the_page_beside_it(
 
 def test_a_recording_is_replayed_with_a_slider(browser: Any, tmp_path: Path) -> None:
     from tgl_soar.cli.page.command import recorded_desk
-    from tgl_soar.config.files import load_airframe, load_site
 
     log = tmp_path / "flown.tlog"
     flown = Flown()
@@ -520,11 +518,16 @@ def test_a_recording_is_replayed_with_a_slider(browser: Any, tmp_path: Path) -> 
                 while frame := first_frame(data):  # a stamp for each, as stations write it
                     file.write(stamp_us.to_bytes(8, "big") + frame)
                     data = data.removeprefix(frame)
-    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
-    served = Served(recorded_desk(airframe, AIRFRAME, site, SITE, log))
+    desk, notes = recorded_desk(log)
+    served = Served(desk)
     window = Window(browser, served.address)
     window.until(lambda: window.value("m?.rows.length > 0"))
     assert window.page.is_visible("#replay")
+    assert [
+        f"the log holds no {kind} file" in n
+        for kind, n in zip(("airframe", "site"), notes, strict=True)
+    ] == [True] * 2
+    assert window.page.inner_text("#banner") == " · ".join(notes)
     slide = "(t) => { const s = document.getElementById('slider'); s.value = t;"
     slide += " s.dispatchEvent(new Event('input')); }"
     window.page.evaluate(slide, 5.5)

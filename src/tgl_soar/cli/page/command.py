@@ -6,8 +6,9 @@ import ipaddress
 import secrets
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 from urllib.parse import quote
 
 import typer
@@ -15,8 +16,15 @@ import typer
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, fail, hint, say
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import ConfigError, load_airframe, load_parameters, load_site
-from tgl_soar.config.site import Site
+from tgl_soar.config.files import (
+    ConfigError,
+    airframe_from,
+    load_airframe,
+    load_parameters,
+    load_site,
+    site_from,
+)
+from tgl_soar.config.site import Site, air_files
 from tgl_soar.link.open_link import FORMS, LinkError, open_link
 from tgl_soar.link.signing_keys import SigningError, load_key
 
@@ -24,6 +32,7 @@ if TYPE_CHECKING:
     import uvicorn
     from starlette.types import ASGIApp
 
+    from tgl_soar.analysis.logs.flight_data import FlightData
     from tgl_soar.cli.page.desk import Desk
 
 EXTRA: Final = "the page needs the extra: pip install 'tgl_soar[page]'"
@@ -39,8 +48,16 @@ def page(
     log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Show this log instead of a flight.")
     ] = None,
-    airframe: Annotated[Path, typer.Option(help="Airframe file.", **AIRFRAME_FILE)] = AIRFRAME,
-    site: Annotated[Path, typer.Option(help="Site file.", **SITE_FILE)] = SITE,
+    airframe: Annotated[
+        Path | None,
+        typer.Option(
+            help="Airframe file. Default: the log's own, else eclipson_c.", **AIRFRAME_FILE
+        ),
+    ] = None,
+    site: Annotated[
+        Path | None,
+        typer.Option(help="Site file. Default: the log's own, else tunnel.", **SITE_FILE),
+    ] = None,
     port: Annotated[
         int, typer.Option(help="Port of the page; 0: any free one.", min=0, max=65535)
     ] = PORT,
@@ -79,10 +96,13 @@ def page(
     except ImportError as error:
         fail(f"{EXTRA} ({error.name} is missing)")
     try:
-        plane, place = load_airframe(airframe), load_site(site)
         if log is not None:
-            desk = recorded_desk(plane, airframe, place, site, log, maps=measure)
+            desk, notes = recorded_desk(log, airframe, site, maps=measure)
+            for note in notes:
+                hint(note)
         else:
+            airframe, site = airframe or AIRFRAME, site or SITE
+            plane, place = load_airframe(airframe), load_site(site)
             key = None if signing_key is None else load_key(signing_key)
             if system not in plane.autopilot.operators:
                 hint(f"system {system} is none of the airframe file's operators: it only watches")
@@ -139,15 +159,12 @@ def live_desk(
 
 
 def recorded_desk(
-    plane: Airframe,
-    plane_file: Path,
-    place: Site,
-    place_file: Path,
-    log: Path,
-    *,
-    maps: bool = True,
-) -> Desk:
-    """A desk on a log.  Errors: `ConfigError`, `LogError`."""
+    log: Path, airframe: Path | None = None, site: Path | None = None, *, maps: bool = True
+) -> tuple[Desk, list[str]]:
+    """A desk on a log, and what is to be known of the files that it is shown with.
+
+    airframe, site: files in the place of the log's own.  Errors: `ConfigError`, `LogError`.
+    """
     import msgspec
 
     from tgl_soar.analysis.logs.open_log import read_flight
@@ -155,11 +172,51 @@ def recorded_desk(
     from tgl_soar.cli.page.recording import recording_of
     from tgl_soar.cli.page.scene import place_of
 
-    values = load_parameters(plane, plane_file, place, place_file)
-    shown = place_of(plane, place, values, place_file.parent)
+    flight = read_flight(log)
+    files = load_airframe, airframe_from
+    plane, notes = _shown_with(flight, "airframe", airframe, AIRFRAME, files)
+    place, more = _shown_with(flight, "site", site, SITE, (load_site, site_from))
+    notes += more
+    folder = SITE.parent if site is None else site.parent
+    if site is None and "site" in flight.files and place.air is not None:
+        # A log may be a stranger's, and would choose which file of this computer is shown.
+        if grids := air_files(place.air, Path()):
+            place = msgspec.structs.replace(place, air=None)
+            notes.append(
+                f"the site's air is in a file that the log does not hold, {grids[0]}, and that is"
+                " not opened at its word: name the site file by --site"
+            )
+    values = load_parameters(plane, airframe or "airframe", place, site or "site")
+    shown = place_of(plane, place, values, folder)
     air = shown.measured_air() if maps else None
-    recording = msgspec.json.encode(recording_of(read_flight(log), place, air))
-    return Desk(shown, None, None, recording)
+    recording = recording_of(flight, place, air) | {"notes": notes}
+    return Desk(shown, None, None, msgspec.json.encode(recording)), notes
+
+
+_File = TypeVar("_File", Airframe, Site)
+_Files = tuple[Callable[[Path], _File], Callable[[str, str], _File]]  # from a path, from a text
+
+
+def _shown_with(
+    flight: FlightData, kind: str, path: Path | None, default: Path, files: _Files[_File]
+) -> tuple[_File, list[str]]:
+    """The file that a log is shown with, and what is to be known of it.
+
+    Errors: `ConfigError`, also where the log's own is needed and not understood.
+    """
+    from tgl_soar.cli.report import of_the_log
+
+    own, unread = of_the_log(flight, kind, None, files)
+    if path is not None:
+        named = files[0](path)
+        other = own is not None and own != named
+        return named, [f"--{kind} {path}: not what the log's flight was flown with"] * other
+    if own is not None:
+        return own, []
+    if unread:
+        raise ConfigError(f"{unread[0]}; name one by --{kind}")
+    missing = f"the log holds no {kind} file: it is shown with {default.stem}; name its by --{kind}"
+    return files[0](default), [missing]
 
 
 def _check_token(token: str) -> None:

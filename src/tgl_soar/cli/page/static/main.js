@@ -157,6 +157,7 @@ async function begin() {
   if (scene.source === "recording") {
     const recording = await get("/recording");
     words($("site"), `${recording.name} – ${scene.site}`);
+    banner((recording.notes ?? []).join(" · "), "warn");
     words($("foot"), [recording.kind, ...recording.missing, ...recording.lost].join(" · "));
     model.measured = recording.measured;
     const replay = new Replay(recording, model, redraw);
