@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from errno import ENOSPC
 from pathlib import Path
 from types import SimpleNamespace
@@ -96,6 +97,18 @@ def test_who_flies_in_real_time_may_choose_the_port_of_stations(
     assert "enough" in CliRunner().invoke(app, ["sitl", how, *port]).output
     assert flown[0].gcs_local == "127.0.0.1:0"
     assert "add --realtime" in CliRunner().invoke(app, ["sitl", *port]).output
+
+
+def test_what_takes_so_long_is_said_before_the_page_has_an_address(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def hosted(_options: SitlOptions, _port: int, opened: Callable[[str], None]) -> None:
+        opened("http://127.0.0.1:8/")
+        raise SitlError("enough")
+
+    monkeypatch.setattr(sitl_page, "host", hosted)
+    printed = CliRunner().invoke(app, ["sitl", "--page", "--out", str(tmp_path)]).output
+    assert printed.index("computing the air") < printed.index("the operator's page: http")
 
 
 def test_a_busy_machine_is_named() -> None:

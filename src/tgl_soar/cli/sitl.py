@@ -380,6 +380,7 @@ def _host(options: SitlOptions, port: int) -> NoReturn:
         fail(
             f"--page --autopilot {options.autopilot}: the page flies with the bridge's own Pixhawk"
         )
+    say("computing the air, and seeking gains if the airframe file has none: up to half a minute …")
     try:
         host(
             options,
