@@ -178,14 +178,14 @@ def recorded_desk(
     place, more = _shown_with(flight, "site", site, SITE, (load_site, site_from))
     notes += more
     folder = SITE.parent if site is None else site.parent
-    if site is None and "site" in flight.files and place.air is not None:
+    is_own = site is None and "site" in flight.files
+    if is_own and place.air is not None and (grids := air_files(place.air, Path())):
         # A log may be a stranger's, and would choose which file of this computer is shown.
-        if grids := air_files(place.air, Path()):
-            place = msgspec.structs.replace(place, air=None)
-            notes.append(
-                f"the site's air is in a file that the log does not hold, {grids[0]}, and that is"
-                " not opened at its word: name the site file by --site"
-            )
+        place = msgspec.structs.replace(place, air=None)
+        notes.append(
+            f"the site's air is in a file that the log does not hold, {grids[0]}, and that is"
+            " not opened at its word: name the site file by --site"
+        )
     values = load_parameters(plane, airframe or "airframe", place, site or "site")
     shown = place_of(plane, place, values, folder)
     air = shown.measured_air() if maps else None
