@@ -3,6 +3,7 @@ the path, and which failures in how many panels."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,12 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Drawn:
     return Drawn(monkeypatch)
 
 
+def ground_of(axes: Any) -> list[tuple[float, float]]:
+    """Corners of what covers the colours."""
+    (ground,) = [each for each in axes.collections if each.get_zorder() == 3]
+    return [(float(x), float(z)) for x, z in ground.get_paths()[0].vertices]
+
+
 def snapshot(time_s: float, excess_mps: float, sd_mps: float) -> Snapshot:
     """The same everywhere, but that the left edge is 0.5 m/s less: a contour crosses."""
     ones = np.ones((len(X), len(Z)))
@@ -101,7 +108,7 @@ def test_a_column_is_a_time_with_the_excess_its_claim_and_its_error(drawn: Drawn
     search_figure(Path("a.png"), episode(), snapshots, POLAR, X, Z)
     ((figure, path),) = drawn.figures
     assert path == Path("a.png")
-    assert figure.get_suptitle() == "the place of seed 7; E = 0: true (line), mapped (dashes)"
+    assert figure.get_suptitle() == "the place of seed 7"
     axes = np.array(figure.axes[:6]).reshape(3, 2)
     below = Z[:, None] <= 0.25 * X[None, :]
     for k, (time_s, mapped, sd) in enumerate(((1.0, 0.5, 0.2), (3.0, 2.0, 0.4))):
@@ -111,7 +118,7 @@ def test_a_column_is_a_time_with_the_excess_its_claim_and_its_error(drawn: Drawn
             x, z, values, levels = drawn.filled[axes[row, k]]
             assert (x, z) == (pytest.approx(X), pytest.approx(Z))
             values = plane(values)
-            assert np.isnan(values).tolist() == below.tolist()
+            assert np.isfinite(values).all()  # the ground is drawn over it, not left out in steps
             assert values[~below & (X > 0.0)[None, :]] == pytest.approx(expected[row])
             assert (levels[0], levels[-1]) == ((-3.0, 3.0), (0.0, 1.5), (0.0, 1.5))[row]
             (_, _, true_line, zero), (_, _, own_line, own_zero) = drawn.lines[axes[row, k]]
@@ -127,6 +134,9 @@ def test_a_column_is_a_time_with_the_excess_its_claim_and_its_error(drawn: Drawn
         assert axes[2, k].get_xlabel() == "x [m], downstream"
         assert axes[0, k].get_xlabel() == ""
     assert [axes[row, 0].get_ylabel() for row in range(3)] == ["z [m]"] * 3
+    (legend,) = figure.legends
+    words = {line.get_label(): line.get_color() for line in legend.get_lines()}
+    assert words == {"path": "magenta", "E = 0, true": "black", "E = 0, as mapped": "black"}
     bars = [bar.get_ylabel() for bar in figure.axes[6:]]
     assert bars == ["excess E [m/s]", "claimed σ of E [m/s]", "error of E [m/s]"]
 
@@ -160,9 +170,11 @@ def test_a_failure_is_drawn_in_the_air_at_its_end_with_its_path_and_why(drawn: D
     assert (x[0], x[-1], z[0], z[-1]) == (0.0, 4.0, 0.0, 3.0)
     assert (levels[0], levels[-1], len(levels)) == (-3.0, 3.0, 13)
     values, below = plane(values), z[:, None] <= 0.25 * x[None, :]
-    assert np.isnan(values).tolist() == below.tolist()
+    assert np.isfinite(values).all()
     assert values[~below] == pytest.approx(4.5 - 2.0)
     ((_, _, line, zero),) = drawn.lines[axes]
+    assert {(0.0, 0.0), (4.0, 1.0)} <= {*ground_of(axes)}
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["path", "E = 0, true"]
     assert (zero, plane(line)[-1, 0]) == ([0.0], pytest.approx(2.5))
     path, start = axes.lines
     assert path.get_xdata().tolist() == [4.0, 3.0, 2.0, 1.0, 0.0]
@@ -173,3 +185,14 @@ def test_a_failure_is_drawn_in_the_air_at_its_end_with_its_path_and_why(drawn: D
     assert place_words == "tunnel 7: the place of seed 7"
     assert " ".join(lines) == why.strip()
     assert max(map(len, lines)) <= 52 < len(why)
+
+
+def test_the_ground_has_the_corners_of_its_profile_wherever_the_grid_has_its_nodes(
+    drawn: Drawn,
+) -> None:
+    peak = Ground(3, (0.0, 1.5, 4.0, *[4.0] * 5), (0.0, 0.9, *[0.1] * 6))
+    there = episode()
+    there = replace(there, place=there.place._replace(ground=peak))
+    search_figure(Path("a.png"), there, [snapshot(1.0, 0.5, 0.2)], POLAR, X, Z)
+    figure = drawn.figures[0][0]
+    assert all((1.5, 0.9) in ground_of(axes) for axes in figure.axes[:3])

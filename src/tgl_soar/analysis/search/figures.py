@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from tgl_soar.air.field import FloatArray
+from tgl_soar.analysis.report.smooth_map import beyond_the_edge
 from tgl_soar.analysis.search.episode import Episode
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.analysis.search.searchers import Snapshot
@@ -16,6 +17,7 @@ from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import GlidePolar
 
 LEVELS: Final = np.linspace(-3.0, 3.0, 13)
+PATH: Final = "magenta"
 PANELS: Final = 24  # failures drawn at most
 
 
@@ -61,15 +63,16 @@ def search_figure(
         )
         for row, (values, colours, levels) in enumerate(shown):
             axis = axes[row][k]
-            images[row] = axis.contourf(x_m, z_m, values.T, levels, cmap=colours, extend="both")
+            shaded = np.where(ground, beyond_the_edge(values), values)  # the ground covers it
+            images[row] = axis.contourf(x_m, z_m, shaded.T, levels, cmap=colours, extend="both")
             axis.contour(x_m, z_m, truth.T, [0.0], colors="black", linewidths=1.4)
             axis.contour(
                 x_m, z_m, estimated.T, [0.0], colors="black", linewidths=1.0, linestyles="dashed"
             )
-            axis.fill_between(x_m, z_m[0], floor, color="0.6")
+            _ground(axis, place, x_m, z_m)
             flown = episode.path["time_s"] <= snapshot.time_s
             axis.plot(
-                episode.path["x_m"][flown], episode.path["z_m"][flown], color="magenta", lw=1.2
+                episode.path["x_m"][flown], episode.path["z_m"][flown], color=PATH, lw=1.2, zorder=4
             )
             axis.set_aspect("equal")
             axis.set_ylim(z_m[0], z_m[-1])
@@ -78,7 +81,8 @@ def search_figure(
     for row, words in enumerate(("excess E [m/s]", "claimed σ of E [m/s]", "error of E [m/s]")):
         axes[row][0].set_ylabel("z [m]")
         figure.colorbar(images[row], ax=axes[row].tolist(), label=words, shrink=0.8)
-    figure.suptitle(f"{place.words}; E = 0: true (line), mapped (dashes)", fontsize=10)
+    figure.suptitle(place.words, fontsize=10)
+    _legend(figure, "E = 0, true", "E = 0, as mapped")
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
@@ -101,17 +105,38 @@ def failures_figure(path: Path, failed: list[tuple[Episode, str]], polar: GlideP
         box = place.box
         x, z = np.linspace(box.x_min_m, box.x_max_m, 80), np.linspace(box.z_min_m, box.z_max_m, 80)
         truth = true_excess(place, polar, x, z, episode.flown_s)
-        axis.contourf(x, z, truth.T, LEVELS, cmap="coolwarm", extend="both")
+        ground = z[None, :] <= _floor(place, x)[:, None]
+        shaded = np.where(ground, beyond_the_edge(truth), truth)
+        axis.contourf(x, z, shaded.T, LEVELS, cmap="coolwarm", extend="both")
         axis.contour(x, z, truth.T, [0.0], colors="black", linewidths=1.2)
-        axis.fill_between(x, z[0], _floor(place, x), color="0.6")
-        axis.plot(episode.path["x_m"], episode.path["z_m"], color="magenta", lw=1.2)
-        axis.plot(episode.path["x_m"][0], episode.path["z_m"][0], "o", color="magenta", ms=4)
+        _ground(axis, place, x, z)
+        flown = episode.path
+        axis.plot(flown["x_m"], flown["z_m"], color=PATH, lw=1.2, zorder=4)
+        axis.plot(flown["x_m"][0], flown["z_m"][0], "o", color=PATH, ms=4, zorder=4)
         words = fill(f"{place.kind} {place.seed}: {place.words}", 52) + "\n" + fill(why, 52)
         axis.set_title(words, fontsize=6)
         axis.set_ylim(z[0], z[-1])
         axis.tick_params(labelsize=6)
+    _legend(figure, "E = 0, true")
     figure.savefig(path, dpi=110)
     plt.close(figure)
+
+
+def _legend(figure: Any, *zeros: str) -> None:
+    """The path's colour, and lines of E = 0: the first drawn through, the second dashed."""
+    from matplotlib.lines import Line2D
+
+    styles = zip(zeros, ("-", "--"), strict=False)
+    lines = [Line2D([], [], color="black", ls=style, label=name) for name, style in styles]
+    lines.insert(0, Line2D([], [], color=PATH, label="path"))
+    figure.legend(handles=lines, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+
+
+def _ground(axis: Any, place: SearchPlace, x_m: FloatArray, z_m: FloatArray) -> None:
+    """The ground with the corners of its profile, over the colours, which end in steps."""
+    corners = np.asarray(place.ground.x_m[: place.ground.points])
+    x = np.union1d(x_m, corners[(corners > x_m[0]) & (corners < x_m[-1])])
+    axis.fill_between(x, z_m[0], _floor(place, x), color="0.6", lw=0.0, zorder=3)
 
 
 def _floor(place: SearchPlace, x_m: FloatArray) -> FloatArray:
