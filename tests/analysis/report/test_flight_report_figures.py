@@ -31,11 +31,11 @@ from tgl_soar.analysis.report.flight_report_figures import (
     places_figure,
     plane_figure,
     span_of,
-    spectra_figure,
     thinned,
 )
 from tgl_soar.analysis.report.legs import ReportLeg
 from tgl_soar.analysis.report.spectra import Spectrum
+from tgl_soar.analysis.report.spectra_figure import spectra_figure
 from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.sim.score import LegScore
 from tgl_soar.types import GlidePolar
@@ -579,8 +579,12 @@ def test_both_spectra_are_drawn_with_unit_and_peak() -> None:
         curve, peak = axes.lines
         assert curve.get_xydata().tolist() == [[0.125, 1.0], [0.25, top], [0.5, 1.0]]
         assert list(peak.get_xdata()) == [0.25, 0.25]
-        assert axes.texts[0].get_text() == "most per octave at 0.25 Hz"
+        assert axes.texts[0].get_text() == "most power around 0.25 Hz"
         assert axes.get_ylim() == pytest.approx((1.0, 3.0 * top))
+        # Decimals for frequencies, powers of ten for all densities.
+        assert [axes.xaxis.get_major_formatter()(x, 0) for x in (0.1, 100.0)] == ["0.1", "100"]
+        labels = [axes.yaxis.get_major_formatter()(y, 0) for y in (0.1, 1e-3, 1.0, 1e-10, 0.2)]
+        assert labels == ["10⁻¹", "10⁻³", "10⁰", "10⁻¹⁰", "0.2"]
 
 
 def test_one_spectrum_is_drawn_alone_and_none_not_at_all() -> None:

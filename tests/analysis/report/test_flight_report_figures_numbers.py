@@ -25,6 +25,7 @@ from tgl_soar.analysis.report.flight_report_figures import (
     TimePanel,
     health_panels,
     history_figure,
+    largest,
     lateral_panels,
     longitudinal_panels,
     places_figure,
@@ -111,6 +112,34 @@ def test_a_dense_path_is_pixels_in_the_vector_figure() -> None:
     assert places_figure(plt, dense, [leg()], Surroundings()).axes[0].lines[1].get_rasterized()
 
 
+@pytest.mark.parametrize(("farthest", "shown"), [(0.5, 0.53), (1.6, 1.6 * 0.4)])
+def test_the_whole_path_of_a_leg_is_in_its_window_unless_it_comes_from_afar(
+    farthest: float, shown: float
+) -> None:
+    """Most of it within 0.4 m; window and path, half their width [m]."""
+    x = np.where((ALL > 12.0) & (ALL < 14.0), farthest, 0.4)
+    held = leg(crossing=None, mean=(-30.0, 30.0))
+    axes = places_figure(plt, flight(path=path(-30.0 + x, 30.0)), [held], Surroundings()).axes[0]
+    half = max(1.6 * 0.4, shown)
+    assert axes.get_xlim() == pytest.approx((-30.0 - half, -30.0 + half))
+
+
+def test_of_an_age_the_largest_in_each_whole_second_is_drawn() -> None:
+    """A heartbeat each second, its age sampled every 0.07 s: a level line, and not a beating."""
+    time = 5.0 + np.arange(0.0, 9.6, 0.07)
+    age = time % 1.0
+    middles, values = largest(time, age, 1.0)
+    assert middles == pytest.approx(5.5 + np.arange(9.0))
+    assert values == pytest.approx(np.full(9, 0.965), abs=0.036)
+    flown = flight((5.0, "soaring"), ages=of({"heartbeat_age_s": age}, time), end_s=14.6)
+    curve = history_figure(plt, flown, [], health_panels(flown)).axes[-1].lines[0]
+    assert np.ptp(curve.get_ydata()) < 0.071
+    gap = np.where(time < 8.0, np.nan, age)
+    assert largest(time, gap, 1.0)[0][0] > 8.0
+    assert len(largest(time, np.full(len(time), np.nan), 1.0)[0]) == len(time)
+    assert [v.tolist() for v in largest(time[:3], age[:3], 1.0)] == [[5.5], [age[2]]]
+
+
 def test_a_line_whose_foot_is_far_off_is_drawn_where_the_leg_was_held() -> None:
     x0, z0, eta = leg().line
     far = leg(line=(x0 - 40.0 * cos(eta), z0 - 40.0 * sin(eta), eta), crossing=None)
@@ -125,7 +154,7 @@ def test_what_is_one_for_every_tick_is_a_band_and_all_else_a_curve() -> None:
     angles = dict.fromkeys(("roll_rad", "pitch_rad", "yaw_rad", "heading_rad"), 0.1)
     full = flight(ages=of({**ages}), attitude=of({**angles}), setpoints=of({**angles}))
     bands = [c.band for panel in health_panels(full) for c in panel.curves]
-    assert bands == [True] * 3
+    assert bands == [True, True, False]  # a heartbeat is seldom: the oldest of each second
     panels = [*longitudinal_panels(full), *lateral_panels(full)]
     curves = [c for panel in panels for c in panel.curves]
     assert [c.band for c in curves] == [False] * 4

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -37,6 +38,8 @@ MODE_COLOURS: Final = {
 DARK_MODES: Final = frozenset(  # a name on them is written in white
     ("soaring", "recovering", "released", "failed", "breaking off", "landing")
 )
+
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LOOK: Final[dict[str, Any]] = {
     "font.size": 9.0,
@@ -89,6 +92,8 @@ def save(plt: Any, figure: Figure, path: Path) -> None:
     plt.close(figure)
 
 
-def plain_number(value: float, _place: object = None) -> str:
+def power_of_ten(value: float, _place: object = None) -> str:
     """A tick of a logarithmic axis: matplotlib's own are mathematics, which is not parsed here."""
-    return f"{value:g}" if 1e-3 < value < 1e4 else f"{value:.0e}".replace("e-0", "e-")
+    if not log10(value).is_integer():  # on an axis of less than a decade
+        return f"{value:g}"
+    return "10" + f"{log10(value):.0f}".translate(_RAISED)

@@ -33,13 +33,13 @@ from tgl_soar.analysis.report.flight_report_figures import (
     places_figure,
     plane_figure,
     span_of,
-    spectra_figure,
 )
 from tgl_soar.analysis.report.legs import FLYING, ReportLeg, legs_of
 from tgl_soar.analysis.report.loop_figure import loop_figure, loop_words
 from tgl_soar.analysis.report.page_style import STYLE
 from tgl_soar.analysis.report.point_figure import point_figure, point_words
 from tgl_soar.analysis.report.spectra import SEGMENT_S, Spectrum, spectrum_of
+from tgl_soar.analysis.report.spectra_figure import spectra_figure
 from tgl_soar.analysis.report.streams import Stream, streams_of
 from tgl_soar.analysis.report.survey_figure import survey_figure, survey_words
 from tgl_soar.geometry import SoaringFrame
@@ -195,7 +195,9 @@ def _wanted(analysis: Analysis) -> list[tuple[str, str, str, _Draw]]:
             "health",
             "How old the inputs were",
             "Age of what each tick was flown with: the mean, and shaded from the youngest to"
-            " the oldest. Between two samples an input ages by the time between them.",
+            " the oldest. Between two samples an input ages by the time between them. Of the"
+            " autopilot's heartbeat, which comes about once a second: the greatest age in each"
+            " second.",
             lambda plt: history_figure(plt, flight, legs, health_panels(flight)),
         ),
     ]
@@ -250,7 +252,10 @@ def _spectra_words(analysis: Analysis) -> str:
         )
     if analysis.updraft is not None:
         words += f" Updraft over {analysis.updraft.seconds:.0f} s."
-    return words
+    return words + (
+        " Dotted: where frequency times density is largest. Around there most of the power is, if"
+        " frequencies are counted in octaves; the curve itself may be higher elsewhere."
+    )
 
 
 # --- numbers --------------------------------------------------------------------------------

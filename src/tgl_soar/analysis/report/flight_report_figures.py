@@ -23,11 +23,9 @@ from tgl_soar.analysis.report.figure_style import (
     GROUND,
     MODE_COLOURS,
     PALETTE,
-    plain_number,
 )
 from tgl_soar.analysis.report.legs import FLYING, Line, ReportLeg
 from tgl_soar.analysis.report.smooth_map import draw_smooth_map
-from tgl_soar.analysis.report.spectra import Spectrum
 from tgl_soar.types import GlidePolar
 
 if TYPE_CHECKING:
@@ -44,8 +42,10 @@ RED: Final = "#D55E00"
 PALE: Final = "#8a949e"
 UPDRAFT_STEPS: Final = (0.05, 0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 5.0)  # between two greys [m/s]
 POINTS: Final = 1400  # of a curve: about one for every other pixel of a page
+HEARTBEATS_S: Final = 1.0  # between two: sampled often, their age is a beating of two rates
 BANDS: Final = 240  # parts of the time, each a mean: a line that eyes can follow
 PATH_POINTS: Final = 12_000
+WHOLE: Final = 2.5  # times what most of a leg needs: so much wider shows all of it
 LOUD_MODES: Final = ("holding", "recovering", "released", "failed")  # named however short
 
 
@@ -279,6 +279,9 @@ def _place(axes: Axes, held: Series, leg: ReportLeg, known: Surroundings, colour
     )
     spread = float(np.percentile(np.hypot(held["x_m"] - middle[0], held["z_m"] - middle[1]), 80.0))
     half = max(0.03, 1.6 * spread, 2.2 * hypot(middle[0] - mean[0], middle[1] - mean[1]))
+    aside = [np.abs(held[n] - m) for n, m in zip(("x_m", "z_m"), middle, strict=True)]
+    whole = 1.06 * float(np.max(aside))  # of a way from afar the beginning is left out
+    half = max(half, whole) if whole <= WHOLE * half else half
     bounds = (middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half)
     ends = np.array([-4.0 * half, 4.0 * half])
     s = (middle[0] - x0) * cos(eta) + (middle[1] - z0) * sin(eta)
@@ -325,6 +328,7 @@ class Curve:
     colour: str = INK
     width: float = 0.9
     band: bool = False  # it swings from sample to sample: its mean, and how far it swings
+    each_s: float = 0.0  # an age that grows: the largest in each of so many seconds
 
 
 @dataclass(frozen=True)
@@ -386,7 +390,10 @@ def _curves(axes: Axes, panel: TimePanel, span: Span) -> None:
         if curve.band:
             _band(axes, curve, part, span)
             continue
-        time, values = thinned(part.time_s, part[curve.column] * curve.scale)
+        time, values = part.time_s, part[curve.column] * curve.scale
+        if curve.each_s:
+            time, values = largest(time, values, curve.each_s)
+        time, values = thinned(time, values)
         axes.plot(time, values, color=curve.colour, lw=curve.width, label=curve.label)
     if panel.zero:
         axes.axhline(0.0, color="0.6", lw=0.6, zorder=1)
@@ -403,6 +410,24 @@ def _curves(axes: Axes, panel: TimePanel, span: Span) -> None:
             handlelength=1.4,
             columnspacing=1.2,
         )
+
+
+def largest(time_s: Floats, values: Floats, each_s: float) -> tuple[Floats, Floats]:
+    """The largest value in each of so many seconds, and the middle of these.
+
+    The last ones count only if they are whole, or the only ones: an age that has just begun to
+    grow would be a fall.
+    """
+    known = np.isfinite(values)
+    if not known.any():
+        return time_s, values
+    time_s, values = time_s[known], values[known]
+    parts = ((time_s - time_s[0]) / each_s).astype(int)
+    cuts = np.flatnonzero(np.diff(parts)) + 1
+    groups = np.split(values, cuts)
+    count = len(groups) if len(groups) == 1 else len(groups) - 1
+    middles = time_s[0] + (parts[np.array([0, *cuts])] + 0.5) * each_s
+    return middles[:count], np.array([group.max() for group in groups[:count]])
 
 
 def _band(axes: Axes, curve: Curve, part: Series, span: Span) -> None:
@@ -525,7 +550,7 @@ def health_panels(flight: FlightData) -> list[TimePanel]:
                 *_curve(ages, "attitude_age_s", 1000.0, "attitude", RED, band=True),
             ],
         ),
-        TimePanel("heartbeat [s]", _curve(ages, "heartbeat_age_s", colour=PALE, band=True)),
+        TimePanel("heartbeat [s]", _curve(ages, "heartbeat_age_s", each_s=HEARTBEATS_S)),
     ]
 
 
@@ -537,48 +562,10 @@ def _curve(
     colour: str = INK,
     width: float = 0.9,
     band: bool = False,
+    each_s: float = 0.0,
 ) -> list[Curve]:
     """The curve, where there is a number in it."""
     if series is None or column not in series.columns or not np.isfinite(series[column]).any():
         return []
-    return [Curve(series, column, scale, label, colour=colour, width=width, band=band)]
-
-
-# --- in frequency ---------------------------------------------------------------------------
-
-
-def spectra_figure(plt: Any, tracking: Spectrum | None, updraft: Spectrum | None) -> Any:
-    """The power spectral densities of e_rho and of the updraft as estimated on board."""
-    drawn = [
-        (spectrum, title, unit, colour)
-        for spectrum, title, unit, colour in (
-            (tracking, "e_rho", "m²/Hz", BLUE),
-            (updraft, "updraft, estimated on board", "(m/s)²/Hz", RED),
-        )
-        if spectrum is not None
-    ]
-    if not drawn:
-        return None
-    figure, grid = plt.subplots(
-        1, len(drawn), figsize=(WIDTH_IN, 2.9), layout="constrained", squeeze=False
-    )
-    for axes, (spectrum, title, unit, colour) in zip(grid[0], drawn, strict=True):
-        axes.loglog(spectrum.frequency_hz, spectrum.density, color=colour, lw=1.1)
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter(plain_number)
-            axis.set_minor_formatter("")
-        axes.axvline(spectrum.peak_hz, color="0.55", lw=0.8, ls=":")
-        axes.annotate(
-            f"most per octave at {spectrum.peak_hz:.2g} Hz",
-            (spectrum.peak_hz, 0.03),
-            xycoords=axes.get_xaxis_transform(),
-            xytext=(4, 0),
-            textcoords="offset points",
-            fontsize=7.5,
-            color="0.35",
-        )
-        top = float(np.max(spectrum.density))
-        axes.set_ylim(max(float(np.min(spectrum.density)), 1e-7 * top), 3.0 * top)
-        axes.set(xlabel="frequency [Hz]", ylabel=f"density [{unit}]", title=title)
-        axes.grid(which="both", alpha=0.25, lw=0.4)
-    return figure
+    look: dict[str, Any] = {"colour": colour, "width": width, "band": band, "each_s": each_s}
+    return [Curve(series, column, scale, label, **look)]
