@@ -428,7 +428,7 @@ def test_the_panels_stand_in_their_order_and_zero_is_drawn_where_it_means_someth
         ("aileron [–]", True),
         ("rudder [–]", True),
     ]
-    assert rows(health_panels(empty)) == [("age [ms]", False), ("heartbeat [s]", False)]
+    assert rows(health_panels(empty)) == [("age [ms]", False), ("heartbeat [s]", True)]
     assert history_figure(plt, empty, [], longitudinal_panels(empty)) is None
 
 

@@ -550,7 +550,7 @@ def health_panels(flight: FlightData) -> list[TimePanel]:
                 *_curve(ages, "attitude_age_s", 1000.0, "attitude", RED, band=True),
             ],
         ),
-        TimePanel("heartbeat [s]", _curve(ages, "heartbeat_age_s", each_s=HEARTBEATS_S)),
+        TimePanel("heartbeat [s]", _curve(ages, "heartbeat_age_s", each_s=HEARTBEATS_S), zero=True),
     ]
 
 
