@@ -12,9 +12,11 @@ from typer.testing import CliRunner, Result
 
 from tgl_soar.analysis.campaigns import drawn_faults
 from tgl_soar.analysis.campaigns.drawn_faults import FaultJob, Outcome
+from tgl_soar.cli import batch_options
 from tgl_soar.cli.app import app
 from tgl_soar.cli.batch_options import FlightLines, duration
 from tgl_soar.cli.console import show
+from tgl_soar.sim.campaign import folder
 from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS
 
 flown: list[int] = []
@@ -140,6 +142,29 @@ def test_every_flight_is_a_row(command: Command, tmp_path: Path) -> None:
     assert [row["result"] for row in rows].count("lost") == 1
     assert {"turbulence", "aboard", "model"} <= set(rows[0])  # of the job
     assert not (tmp_path / "out" / JOURNAL).exists()
+
+
+def test_a_table_that_will_be_missing_is_reported_before_the_first_flight(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    with monkeypatch.context() as patched:
+        for each in (batch_options, folder):
+            patched.setattr(each, "available", lambda: False)
+        stop["after"] = 0
+        early = command()
+        assert flown == []
+        assert (
+            "there will be no rows.parquet, but flights.journal: Parquet needs pyarrow: pip"
+            " install 'tgl_soar[parquet]'"
+        ) in early.stderr
+        stop.clear()
+        done = command("--resume")
+        assert "'tgl_soar[parquet]', then the same command with --resume" in done.stdout
+    before = len(flown)
+    assert command("--resume").exit_code == 1  # one was lost
+    assert len(flown) == before == 48
+    assert (tmp_path / "out" / ROWS).exists()
 
 
 def test_a_cluster_that_is_not_there_is_reported(command: Command) -> None:

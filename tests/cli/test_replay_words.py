@@ -16,8 +16,8 @@ from tgl_soar.analysis.replay.logged import Replay
 from tgl_soar.analysis.replay.many import ReplayedLog
 from tgl_soar.cli import replay as module
 from tgl_soar.cli.app import app
-from tgl_soar.cli.batch_options import ALL
-from tgl_soar.cli.replay import _changes, _compare, _from_wire, _list_differences, _show_all, _unit
+from tgl_soar.cli.batch_options import ALL, changes_of
+from tgl_soar.cli.replay import _compare, _from_wire, _list_differences, _show_all, _unit
 
 NAN = float("nan")
 
@@ -53,8 +53,8 @@ def result(**more: Any) -> Replay:
 
 
 def test_changes_are_names_and_numbers() -> None:
-    assert _changes(["rho_p=0.8", " RHO_D = 0.25"]) == (("RHO_P", 0.8), ("RHO_D", 0.25))
-    assert _changes([]) == ()
+    assert changes_of(["rho_p=0.8", " RHO_D = 0.25"]) == {"RHO_P": 0.8, "RHO_D": 0.25}
+    assert changes_of([]) == {}
 
 
 @pytest.mark.parametrize("text", ["RHO_P", "RHO_P=", "RHO_P=x"])

@@ -23,8 +23,11 @@ from tgl_soar.config.parameters import ParameterSet
 from tgl_soar.config.site import Site
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
-from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, CampaignFolder
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS, CampaignFolder
+from tgl_soar.sim.campaign.rows import MISSING, available
 
+# Where flights are kept and their table is not: what writes it of them.
+NO_TABLE: Final = f"no table: {MISSING}, then the same command with --resume"
 COMPILES: Final = "the first one of a version is compiled, which takes minutes"
 LINE_S: Final = 30.0  # between two lines of progress: nobody waits longer without a sign of life
 ALL: Final = os.cpu_count() or 1
@@ -84,6 +87,24 @@ def to_resume(folder: Path, resume: bool) -> Path:
             " folder of that run with --out"
         )
     return folder
+
+
+def warn_of_no_table(instead: str) -> None:
+    """Say before the first flight where there will be no Parquet table, and what there will be."""
+    if not available():
+        hint(f"there will be no {ROWS}, but {instead}: {MISSING}")
+
+
+def changes_of(given: list[str]) -> dict[str, float]:
+    """Parameters of --param NAME=VALUE; ends where one is not written so."""
+    changes = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            changes[name.strip().upper()] = float(value)
+        except ValueError:
+            fail(f"--param {text}: must be NAME=VALUE, as RHO_P=0.8")
+    return changes
 
 
 def page_to_write(docs: Path, name: str, marks: tuple[str, str]) -> Path:

@@ -16,6 +16,7 @@ from tgl_soar.analysis.campaigns.safety_timeline import draw_safety_timeline
 from tgl_soar.analysis.experiments.further_probes import stamped
 from tgl_soar.cli.batch_options import (
     ALL,
+    NO_TABLE,
     Dispersion,
     Restart,
     Resume,
@@ -25,6 +26,7 @@ from tgl_soar.cli.batch_options import (
     fly_folder,
     page_to_write,
     to_resume,
+    warn_of_no_table,
 )
 from tgl_soar.cli.console import (
     MODEL_HELP,
@@ -103,6 +105,7 @@ def faults(
         with CampaignFolder(
             out, drawn_faults.campaign_of(jobs), resume=resume, restart=restart
         ) as folder:
+            warn_of_no_table(JOURNAL)
             fly_folder(folder, executor, first_here=True)
             counted = drawn_faults.count(folder)
             tabulated = folder.finish()
@@ -110,7 +113,7 @@ def faults(
         fail(error)
     took = time.monotonic() - begun
     _print(counted)
-    where = out / ROWS if tabulated else f"{out / JOURNAL}, no table: {MISSING}"
+    where = out / ROWS if tabulated else f"{out / JOURNAL}, {NO_TABLE}"
     say(f"{len(jobs)} flights in {took:.0f} s; every one of them in {where}")
     if page is not None:
         command = (

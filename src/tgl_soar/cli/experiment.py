@@ -35,6 +35,7 @@ from tgl_soar.analysis.experiments.pages import (
 from tgl_soar.analysis.experiments.result import Result, as_json
 from tgl_soar.cli.batch_options import (
     ALL,
+    NO_TABLE,
     Dispersion,
     Restart,
     Resume,
@@ -44,12 +45,14 @@ from tgl_soar.cli.batch_options import (
     flight_bar,
     page_to_write,
     to_resume,
+    warn_of_no_table,
 )
 from tgl_soar.cli.console import MODEL_HELP, FlightModel, console, fail, hint, say, show
 from tgl_soar.config.files import ConfigError, load_site
 from tgl_soar.config.site import air_files
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import WorkerLost
+from tgl_soar.sim.campaign.folder import JOURNAL
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.provenance import files_digest
 
@@ -118,6 +121,7 @@ def experiment(
     results: list[Result] = []
     folder = _folder(out, field, resume=resume, restart=restart)
     executor = executor_of(workers, scheduler)
+    warn_of_no_table(JOURNAL)
     try:
         with closing(folder), flight_bar(names[0]) as bar:
             flyer = Flyer(on_flight=lambda p: bar.show(*p), executor=executor, folder=folder)
@@ -136,7 +140,7 @@ def experiment(
                 folder.begin(each)
                 results.append(run(each, context))
                 _put_out(each, results[-1], out)
-            folder.finish()
+            tabulated = folder.finish()
     except (ConfigError, JournalError, WorkerLost, ClusterError) as error:
         fail(error)
     except KeyboardInterrupt:
@@ -148,6 +152,8 @@ def experiment(
         f"{flyer.flown} flights, {flyer.simulated_s:.0f} s of flight, in {took:.0f} s;"
         f" numbers in {out}/"
     )
+    if not tabulated:
+        hint(f"flights in {out / FLIGHTS}, {NO_TABLE}")
     _print_figures(figures)
     _write_pages(docs, section, results)
 

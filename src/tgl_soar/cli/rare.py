@@ -22,6 +22,7 @@ from tgl_soar.analysis.rare.splitting import (
 )
 from tgl_soar.cli.batch_options import (
     ALL,
+    NO_TABLE,
     Dispersion,
     Restart,
     Resume,
@@ -31,6 +32,7 @@ from tgl_soar.cli.batch_options import (
     files_of,
     flight_bar,
     to_resume,
+    warn_of_no_table,
 )
 from tgl_soar.cli.console import (
     AIRFRAME,
@@ -40,16 +42,18 @@ from tgl_soar.cli.console import (
     console,
     errors,
     fail,
+    hint,
     say,
     show,
 )
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.config.site import air_files
+from tgl_soar.sim.campaign import rows
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.encoding import digest
 from tgl_soar.sim.campaign.executors import WorkerLost
-from tgl_soar.sim.campaign.folder import MANIFEST
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.provenance import files_digest, provenance
 from tgl_soar.sim.campaign.run import Progress
@@ -92,6 +96,7 @@ def rare(
         fail(f"{out / RESULT}: an earlier run's; --restart overwrites it, or choose another --out")
     to_resume(out / KEPT, resume)
     executor = executor_of(workers, scheduler)
+    warn_of_no_table(JOURNAL)
     try:
         case = case_of(airframe, site, line, turbulence, seconds)._replace(dispersed=dispersion)
         process = SoaringProcess(case)
@@ -223,6 +228,8 @@ def _write(
         fail(f"{out}: cannot be written: {error.strerror}")
     _draw(out / "rare.png", climbed, losses)
     say(f"numbers and the last seconds of every loss in {out}/")
+    if not rows.available():
+        hint(f"ladders and plain flights in {out / KEPT}, {NO_TABLE}")
 
 
 def _last(ladder: int, weight: float, loss: Loss) -> dict[str, Any]:

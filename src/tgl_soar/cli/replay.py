@@ -16,13 +16,16 @@ from tgl_soar.analysis.replay.many import ReplayedLog, ReplayJob, replay_campaig
 from tgl_soar.analysis.replay.wire import WireReplay, replay_wire, rms
 from tgl_soar.cli.batch_options import (
     ALL,
+    NO_TABLE,
     Restart,
     Resume,
     Scheduler,
+    changes_of,
     executor_of,
     flight_bar,
     fly_folder,
     to_resume,
+    warn_of_no_table,
 )
 from tgl_soar.cli.console import (
     AIRFRAME,
@@ -43,7 +46,6 @@ from tgl_soar.sim.campaign.executors import Executor, WorkerLost
 from tgl_soar.sim.campaign.flight_list import Campaign
 from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
-from tgl_soar.sim.campaign.rows import MISSING
 
 _MOST = 12  # fields in a table of differences
 _REPORTED_IN = {  # units of what telemetry tells
@@ -104,7 +106,7 @@ def replay(
     station, is replayed through the whole module, as far as its frames suffice. Several .ulg give a
     table with a line for each log; --out keeps it, with the logs' digests.
     """
-    changes = _changes(param or [])
+    changes = tuple(changes_of(param or []).items())
     for option, kept in (("--resume", resume), ("--restart", restart)):
         if kept and out is None:
             fail(f"{option} goes with --out")
@@ -187,12 +189,13 @@ def _kept(
     """The same, with their table and manifest in a folder."""
     try:
         with CampaignFolder(out, campaign, resume=resume, restart=restart) as folder:
+            warn_of_no_table(JOURNAL)
             fly_folder(folder, executor)
             found = list(folder)
             tabulated = folder.finish()
     except (JournalError, ClusterError, WorkerLost) as error:
         fail(error)
-    say(f"logs in {out / ROWS if tabulated else f'{out / JOURNAL}, no table: {MISSING}'}")
+    say(f"logs in {out / ROWS if tabulated else f'{out / JOURNAL}, {NO_TABLE}'}")
     return found
 
 
@@ -207,17 +210,6 @@ def _show_all(found: list[ReplayedLog], changed: bool) -> None:
     console.print(f"{len(found)} logs, {sum(log.duration_s for log in found):.0f} s of flight")
     if any(log.error or log.losses or (log.differing and not changed) for log in found):
         raise typer.Exit(1)
-
-
-def _changes(given: list[str]) -> tuple[tuple[str, float], ...]:
-    changes = {}
-    for text in given:
-        name, _, value = text.partition("=")
-        try:
-            changes[name.strip().upper()] = float(value)
-        except ValueError:
-            fail(f"--param {text}: must be NAME=VALUE, as RHO_P=0.8")
-    return tuple(changes.items())
 
 
 def _say(notes: list[str]) -> None:

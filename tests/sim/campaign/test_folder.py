@@ -16,7 +16,7 @@ from cheap_flights import CheapJob, cheap_campaign, cheap_jobs, fly_cheaply
 
 from tgl_soar.sim.campaign.executors import InLine, LocalProcesses
 from tgl_soar.sim.campaign.flight_list import Campaign
-from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS, CampaignFolder
+from tgl_soar.sim.campaign.folder import JOURNAL, MANIFEST, ROWS, ROWS_CSV, CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.manifest import read_manifest
 from tgl_soar.sim.campaign.run import Progress
@@ -256,3 +256,23 @@ def test_no_worker_outlives_a_parent_that_is_killed(tmp_path: Path) -> None:
     while any(Path(f"/proc/{pid}/cwd").exists() for pid in workers):
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def test_rows_as_text_stand_beside_the_journal(tmp_path: Path) -> None:
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT)) as folder:
+        folder.fly(InLine())
+        assert [result for _, result in folder.flights()] == EXPECTED
+        assert [job for job, _ in folder.flights()] == cheap_jobs(COUNT)
+        folder.tabulate_as_csv()
+        text = (tmp_path / ROWS_CSV).read_text(encoding="utf-8").splitlines()
+        assert text[0] == "flight,value,name,seed,nap_s,deadly,raises"
+        assert text[2] == f"1,{EXPECTED[1].value!r},n1,1,0.0,,False"
+        assert len(text) == COUNT + 1
+        (tmp_path / ROWS_CSV).unlink()
+        (tmp_path / (ROWS_CSV + ".new")).mkdir()
+        with pytest.raises(JournalError, match=r"rows.csv: cannot be written: .*go on with --resu"):
+            folder.tabulate_as_csv()
+    (tmp_path / (ROWS_CSV + ".new")).rmdir()
+    (tmp_path / ROWS_CSV).touch()
+    with CampaignFolder(tmp_path, cheap_campaign(COUNT), restart=True):
+        assert not (tmp_path / ROWS_CSV).exists()  # of flights that are no more

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
 from math import inf, nan
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tgl_soar.sim.campaign.rows import FLIGHT, GROUP, columns_of, read_rows, write_rows
+from tgl_soar.sim.campaign.rows import FLIGHT, GROUP, columns_of, read_rows, write_csv, write_rows
 
 
 class Place(NamedTuple):
@@ -105,3 +106,19 @@ def test_many_rows_are_written_in_groups(tmp_path: Path) -> None:
     write_rows(path := tmp_path / "rows.parquet", Asked, Place, flights, {})
     assert parquet.ParquetFile(path).num_row_groups == 2
     assert [row["gust"] for row in read_rows(path)] == [0.5 * n for n in range(count)]
+
+
+def test_the_same_rows_are_written_as_text(tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    write_csv(path, Asked, Wide, map(flown, range(3)))
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    names = [FLIGHT, *(column.name for column in columns_of(Wide)), "gust"]
+    assert list(rows[0]) == names  # the seed is the result's
+    assert [row["flight"] for row in rows] == [row["seed"] for row in rows] == ["0", "1", "2"]
+    assert [row["up"] for row in rows] == ["False", "True", "True"]
+    assert [row["place_x_m"] for row in rows] == ["0.0", "", "0.2"]  # exact: repr of a float
+    assert [row["place_z_m"] for row in rows] == ["nan", "", "nan"]
+    assert rows[1]["legs"] == '[{"x_m": 0.1, "z_m": null}]'
+    assert rows[1]["gust"] == "inf"
+    assert [each.name for each in tmp_path.iterdir()] == ["rows.csv"]

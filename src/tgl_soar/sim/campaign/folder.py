@@ -1,7 +1,7 @@
 """A campaign's folder: its flights as they are flown, then its table and where it comes from.
 
 flights.journal   while it is flown
-rows.parquet      one row a flight
+rows.parquet      one row a flight;  rows.csv: likewise, of campaigns that write it without pyarrow
 manifest.json     version, commit, source, parameters, seeds, computers
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Generic, TypeVar
@@ -28,11 +28,12 @@ from tgl_soar.sim.campaign.manifest import (
     table_metadata,
     write_manifest,
 )
-from tgl_soar.sim.campaign.rows import available, write_rows
+from tgl_soar.sim.campaign.rows import available, write_csv, write_rows
 from tgl_soar.sim.campaign.run import OnProgress, run, silent
 
 JOURNAL: Final = "flights.journal"
 ROWS: Final = "rows.parquet"
+ROWS_CSV: Final = "rows.csv"
 MANIFEST: Final = "manifest.json"
 
 Job = TypeVar("Job")
@@ -150,18 +151,40 @@ class CampaignFolder(Generic[Job, Flown]):
         pyarrow there is none.  Errors: `JournalError`."""
         written = available()
         if written:
-            jobs = self.campaign.jobs
-            pairs = zip(map(jobs.__getitem__, range(len(jobs))), self, strict=True)
             kept = table_metadata(self.manifest)
-            kind = type(jobs[0]) if len(jobs) else object
-            try:
-                write_rows(self.path / ROWS, kind, self._kind, pairs, kept)
-            except OSError as error:
-                raise JournalError(
-                    f"{self.path / ROWS}: cannot be written: {error}; all {len(jobs)} flights are"
-                    " kept: mend that, then go on with --resume"
-                ) from None
+            with self._or_kept(ROWS):
+                write_rows(self.path / ROWS, self._job, self._kind, self.flights(), kept)
         return written
+
+    def tabulate_as_csv(self) -> None:
+        """Write the rows as CSV, beside the journal, of which they can become a table later.
+
+        Errors: `JournalError`.
+        """
+        with self._or_kept(ROWS_CSV):
+            write_csv(self.path / ROWS_CSV, self._job, self._kind, self.flights())
+
+    def flights(self) -> Iterator[tuple[Job, Flown]]:
+        """Every flight's job and its result, in order, read from the disk."""
+        jobs = self.campaign.jobs
+        return zip(map(jobs.__getitem__, range(len(jobs))), self, strict=True)
+
+    @property
+    def _job(self) -> Any:
+        """The type of the jobs."""
+        jobs = self.campaign.jobs
+        return type(jobs[0]) if len(jobs) else object
+
+    @contextmanager
+    def _or_kept(self, name: str) -> Iterator[None]:
+        """What cannot be written costs no flight.  Errors: `JournalError`."""
+        try:
+            yield
+        except OSError as error:
+            raise JournalError(
+                f"{self.path / name}: cannot be written: {error}; all {len(self.campaign.jobs)}"
+                " flights are kept: mend that, then go on with --resume"
+            ) from None
 
     def conclude(self, *, keep: bool = False) -> None:
         """All is done: the manifest says so, and where there is a table the journal goes.
@@ -204,7 +227,7 @@ class CampaignFolder(Generic[Job, Flown]):
                     f"{self.path}: a finished campaign's flights are there: name another folder, or"
                     " write over them with --restart"
                 )
-        for name in (JOURNAL, ROWS, MANIFEST):
+        for name in (JOURNAL, ROWS, ROWS_CSV, MANIFEST):
             with suppress(FileNotFoundError):
                 (self.path / name).unlink()
 

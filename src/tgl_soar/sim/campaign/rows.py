@@ -5,11 +5,14 @@ itself.  Tuples within tuples are columns with both names (`score_rms_m`), sever
 list of structures; arrays stay out.  Rows stand in the order of the flights, in groups of a fixed
 size, so that a campaign has one file, whoever flew it.
 
-Parquet is written by pyarrow (the extra `parquet`); why is docs/decisions/parquet.md.
+Parquet is written by pyarrow (the extra `parquet`); why is docs/decisions/parquet.md.  Without it
+the same rows can be written as CSV.
 """
 
 from __future__ import annotations
 
+import csv
+import json
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -68,9 +71,7 @@ def write_rows(
     import pyarrow
     import pyarrow.parquet
 
-    own = columns_of(result)
-    names = {column.name for column in own}
-    given = [column for column in columns_of(job) if column.name not in names]
+    own, given = _of_both(job, result)
     schema = pyarrow.schema(
         [(FLIGHT, pyarrow.int64()), *((c.name, _arrow(c.kind)) for c in (*own, *given))],
         metadata=dict(metadata),
@@ -87,6 +88,37 @@ def write_rows(
         new.replace(path)
     finally:
         new.unlink(missing_ok=True)  # what a full disk has cut off
+
+
+def write_csv(path: Path, job: Any, result: Any, flights: Iterable[tuple[Any, Any]]) -> None:
+    """The same rows as text, which needs nothing; the file is there whole or not at all.
+
+    As of `write_rows`; a column of several values holds them as JSON, None is an empty cell, and a
+    number that is not known is nan.  Errors: OSError.
+    """
+    own, given = _of_both(job, result)
+    new = path.with_name(path.name + ".new")
+    try:
+        with new.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([FLIGHT, *(column.name for column in (*own, *given))])
+            for number, (asked, flown) in enumerate(flights):
+                cells = [*((c, flown) for c in own), *((c, asked) for c in given)]
+                writer.writerow([number, *(_text(c.read(of)) for c, of in cells)])
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def _of_both(job: Any, result: Any) -> tuple[list[Column], list[Column]]:
+    """The columns of the result, and of the job those that the result has not."""
+    own = columns_of(result)
+    names = {column.name for column in own}
+    return own, [column for column in columns_of(job) if column.name not in names]
+
+
+def _text(value: Any) -> Any:
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, list) else value
 
 
 def read_columns(path: Path) -> dict[str, str]:
