@@ -13,6 +13,6 @@ Commands of more than one file, and what goes with one
   init                 service_unit: the systemd unit
   site                 site_init: `tgl-soar site init`
   log                  log_layouts: PlotJuggler's and Foxglove's
-  campaign             rare: `tgl-soar campaign rare`
+  campaign             flights, rare: `tgl-soar campaign flights`, `campaign rare`
   mavproxy_tgl         no command of ours: `tgl` at MAVProxy's prompt
 """

@@ -1,4 +1,4 @@
-"""`tgl-soar campaign`: many flights with faults, and long ones."""
+"""`tgl-soar campaign`: many flights, with faults and without, and long ones."""
 
 from __future__ import annotations
 
@@ -39,6 +39,7 @@ from tgl_soar.cli.console import (
     say,
     show,
 )
+from tgl_soar.cli.flights import flights as many_flights
 from tgl_soar.cli.rare import rare
 from tgl_soar.sim.campaign.cluster import ClusterError
 from tgl_soar.sim.campaign.executors import WorkerLost
@@ -46,7 +47,10 @@ from tgl_soar.sim.campaign.folder import JOURNAL, ROWS, CampaignFolder
 from tgl_soar.sim.campaign.journal import JournalError
 from tgl_soar.sim.campaign.rows import MISSING
 
-campaign_app = Commands(help="Many flights with faults, and long ones.", no_args_is_help=True)
+campaign_app = Commands(
+    help="Many flights, with faults and without, and long ones.", no_args_is_help=True
+)
+campaign_app.command()(many_flights)
 campaign_app.command()(rare)
 
 TIMELINE = Path("images") / "safety-timeline.png"
