@@ -460,6 +460,26 @@ def test_flights_in_another_air_are_kept_apart(tmp_path: Path, capsys: Out) -> N
     other.close()
 
 
+def test_an_experiments_missing_tables_are_reported_before_and_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Out
+) -> None:
+    flyer: Any = SimpleNamespace(flown=7, simulated_s=140.0)
+    experiment._folder(tmp_path, None, resume=False, restart=False).close()
+    experiment._print_flown(flyer, 3.0, tmp_path, True)
+    assert capsys.readouterr() == (
+        f"7 flights, 140 s of flight, in 3 s; numbers in {tmp_path}/\n",
+        "",
+    )
+    monkeypatch.setattr(batch_options, "available", lambda: False)
+    experiment._folder(tmp_path, None, resume=False, restart=False).close()
+    assert "there will be no rows.parquet, but flights.journal: " in capsys.readouterr().err
+    experiment._print_flown(flyer, 3.0, tmp_path, False)
+    words = (
+        "no table: Parquet needs pyarrow: pip install 'tgl_soar[parquet]', then the same command"
+    )
+    assert f"flights in {tmp_path / 'flights'}, {words} with --resume" in capsys.readouterr().err
+
+
 def test_several_are_summed_up_with_the_time_each_took(capsys: Out) -> None:
     experiment._print_summary([result("a", seconds=12.4), result("b", own=True, seconds=3.0)])
     assert rows(capsys.readouterr().out) == [

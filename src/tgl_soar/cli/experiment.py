@@ -121,7 +121,6 @@ def experiment(
     results: list[Result] = []
     folder = _folder(out, field, resume=resume, restart=restart)
     executor = executor_of(workers, scheduler)
-    warn_of_no_table(JOURNAL)
     try:
         with closing(folder), flight_bar(names[0]) as bar:
             flyer = Flyer(on_flight=lambda p: bar.show(*p), executor=executor, folder=folder)
@@ -147,15 +146,19 @@ def experiment(
         fail(f"stopped: what was flown is kept in {out / FLIGHTS}; --resume goes on", 130)
     if len(results) > 1:
         _print_summary(results)
-    took = time.monotonic() - begun
+    _print_flown(flyer, time.monotonic() - begun, out, tabulated)
+    _print_figures(figures)
+    _write_pages(docs, section, results)
+
+
+def _print_flown(flyer: Flyer, took_s: float, out: Path, tabulated: bool) -> None:
+    """How many flights there were, and where they are."""
     console.print(
-        f"{flyer.flown} flights, {flyer.simulated_s:.0f} s of flight, in {took:.0f} s;"
+        f"{flyer.flown} flights, {flyer.simulated_s:.0f} s of flight, in {took_s:.0f} s;"
         f" numbers in {out}/"
     )
     if not tabulated:
         hint(f"flights in {out / FLIGHTS}, {NO_TABLE}")
-    _print_figures(figures)
-    _write_pages(docs, section, results)
 
 
 def _folder(out: Path, field: Path | None, *, resume: bool, restart: bool) -> FlownFolder:
@@ -172,6 +175,7 @@ def _folder(out: Path, field: Path | None, *, resume: bool, restart: bool) -> Fl
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         fail(f"--out {out}: cannot be written: {error.strerror}; name another folder")
+    warn_of_no_table(JOURNAL)
     return FlownFolder(path, resume=resume, restart=restart, named=named)
 
 

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tgl_soar.analysis.campaigns import many_flights
-from tgl_soar.analysis.campaigns.many_flights import FlightsAsked, LegJobs, LegSummary
+from tgl_soar.analysis.campaigns.many_flights import FlightsAsked, FlightsSummary, LegJobs
 from tgl_soar.cli.batch_options import (
     ALL,
     NO_TABLE,
@@ -36,6 +36,13 @@ from tgl_soar.sim.compiled import available
 
 TABLE: Final = "table.md"
 TABLE_CSV: Final = "table.csv"
+
+Processes = Annotated[
+    int,
+    typer.Option(
+        "--workers", "--processes", help="Processes that fly; 0: only this one.", min=0, max=256
+    ),
+]
 
 
 def flights(
@@ -67,12 +74,7 @@ def flights(
             min=0,
         ),
     ] = 1,
-    workers: Annotated[
-        int,
-        typer.Option(
-            "--workers", "--processes", help="Processes that fly; 0: only this one.", min=0, max=256
-        ),
-    ] = ALL,
+    workers: Processes = ALL,
     scheduler: Scheduler = None,
     resume: Resume = False,
     restart: Restart = False,
@@ -88,6 +90,7 @@ def flights(
     """
     if not available():
         fail("these flights are compiled, which needs numba: pip install 'tgl_soar[fast]'")
+    begun = time.monotonic()
     asked = FlightsAsked(
         airframe=airframe,
         site=site,
@@ -99,10 +102,9 @@ def flights(
         dispersed=dispersion,
         parameters=changes_of(param or []),
     )
-    begun = time.monotonic()
+    to_resume(out, resume)
     try:
         jobs = many_flights.jobs_of(asked)
-        to_resume(out, resume)
         executor = executor_of(workers, scheduler)  # before anything that is there goes
         campaign = many_flights.campaign_of(jobs)
         with CampaignFolder(out, campaign, resume=resume, restart=restart) as folder:
@@ -117,8 +119,8 @@ def flights(
     _print(found)
     _write(out, jobs, found)
     rows = out / ROWS if tabulated else f"{out / ROWS_CSV}; {NO_TABLE}"
-    took = time.monotonic() - begun
-    say(f"{len(jobs)} flights in {took:.0f} s; table in {out / TABLE}; a row for each in {rows}")
+    took = f"{len(jobs)} flights in {time.monotonic() - begun:.0f} s"
+    say(f"{took}; table in {out / TABLE}; a row for each in {rows}")
 
 
 def _intensities(text: str) -> tuple[float, ...]:
@@ -146,7 +148,7 @@ def _flown(jobs: LegJobs) -> str:
     )
 
 
-def _print(found: list[LegSummary]) -> None:
+def _print(found: list[FlightsSummary]) -> None:
     head, rows = many_flights.table_of(found)
     shown = Table(*map(escape, head))
     for row in rows:
@@ -155,7 +157,7 @@ def _print(found: list[LegSummary]) -> None:
     say(many_flights.EXPLAINED)
 
 
-def _write(out: Path, jobs: LegJobs, found: list[LegSummary]) -> None:
+def _write(out: Path, jobs: LegJobs, found: list[FlightsSummary]) -> None:
     head, rows = many_flights.as_table(found)
     page = many_flights.as_markdown(_flown(jobs), found)
     try:

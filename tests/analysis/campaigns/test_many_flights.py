@@ -26,13 +26,15 @@ from tgl_soar.analysis.campaigns.many_flights import (
     summarised,
     table_of,
 )
+from tgl_soar.analysis.experiments.flights import ScenarioJob, scenario_world
 from tgl_soar.analysis.experiments.random_aircraft import drawn_mismatch
 from tgl_soar.analysis.experiments.scenario import Scenario, prepare
 from tgl_soar.config.files import ConfigError, shipped
 from tgl_soar.control.supervisor import RECOVERING
 from tgl_soar.control.supervisor import SOARING as SOARING_MODE
 from tgl_soar.sim.campaign.rows import columns_of
-from tgl_soar.sim.closed_loop import Trajectory
+from tgl_soar.sim.closed_loop import Trajectory, fly
+from tgl_soar.sim.compiled import available
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 ASKED = FlightsAsked(
@@ -215,6 +217,29 @@ def test_an_aircraft_that_cannot_fly_at_its_start_is_lost(monkeypatch: pytest.Mo
     row = many_flights.fly_leg(job)
     assert (row.result, row.reason, row.ended_s) == ("lost", "no trim", 0.0)
     assert row.drawn == drawn_mismatch(7)
+
+
+@pytest.mark.skipif(not available(), reason="numba is not installed")
+@pytest.mark.xdist_group("kernels")
+def test_a_compiled_flight_is_scored_as_the_one_in_plain_python() -> None:
+    """The same flight, of a drawn aircraft: sums differ in their last digits alone."""
+    asked = ASKED._replace(legs=("b",), turbulences=(0.01,), duration_s=9.0, parameters={})
+    job = jobs_of(asked)[1]
+    row = many_flights.fly_leg(job)
+    scenario = msgspec.json.decode(job.scenario, type=Scenario)
+    prepared = prepare(scenario)
+    asked_for = ScenarioJob(scenario=scenario, seed=job.seed, dispersed=True)
+    world = scenario_world(asked_for, prepared, None)
+    plain = scored(job, prepared, world, fly(world, prepared.values, (), 9.0))
+    assert (row.leg, row.turbulence, row.seed, row.result) == ("b", 0.01, 8, "soaring")
+    assert row.drawn == plain.drawn == drawn_mismatch(8)
+    for name in LegFlight._fields:
+        if name != "drawn":
+            assert getattr(row, name) == pytest.approx(getattr(plain, name), rel=1e-6, abs=1e-9)
+    assert 0.0 < row.rms_e_rho_m < row.peak_e_rho_m < 0.2
+    # The files' contour is not its own, and it hovers at its own.
+    assert row.off_own_contour_m is not None
+    assert abs(row.off_own_contour_m) < 0.2
 
 
 def test_a_row_names_what_was_drawn() -> None:

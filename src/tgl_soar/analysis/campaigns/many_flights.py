@@ -340,7 +340,7 @@ class Figure(NamedTuple):
     of: int  # flights that have it
 
 
-class LegSummary(NamedTuple):
+class FlightsSummary(NamedTuple):
     """The flights of one leg in one turbulence."""
 
     leg: str
@@ -356,7 +356,7 @@ class LegSummary(NamedTuple):
         return interval(self.survived, self.flights)
 
 
-def summarised(flights: Iterable[LegFlight]) -> list[LegSummary]:
+def summarised(flights: Iterable[LegFlight]) -> list[FlightsSummary]:
     """One for each leg and turbulence, in the order in which they come."""
     numbers: dict[tuple[str, float], dict[str, list[float]]] = {}
     survived: Counter[tuple[str, float]] = Counter()
@@ -370,7 +370,7 @@ def summarised(flights: Iterable[LegFlight]) -> list[LegSummary]:
         survived[key] += flight.survived
         reasons.setdefault(key, Counter()).update([flight.reason] if flight.reason else [])
     return [
-        LegSummary(
+        FlightsSummary(
             leg=key[0],
             turbulence=key[1],
             flights=len(lists["settling_s"]),
@@ -390,7 +390,7 @@ def _figure(values: Sequence[float]) -> Figure:
     return Figure(float(np.median(known)), float(known.max()), int(known.size))
 
 
-def table_of(summaries: Sequence[LegSummary]) -> tuple[list[str], list[list[str]]]:
+def table_of(summaries: Sequence[FlightsSummary]) -> tuple[list[str], list[list[str]]]:
     """Headings and rows as people read them: of a figure its median and its worst, and of how
     many flights it is where not all have it."""
     shown = [each for each in FIGURES if any(s.figures[each.field].of for s in summaries)]
@@ -422,7 +422,7 @@ def _cell(shown: Shown, figure: Figure, flights: int) -> str:
     return f"{median}, {worst}" + (f" ({figure.of} of {flights})" * (figure.of < flights))
 
 
-def as_markdown(flown: str, summaries: Sequence[LegSummary]) -> str:
+def as_markdown(flown: str, summaries: Sequence[FlightsSummary]) -> str:
     """A page: what was flown, and the table."""
     head, rows = table_of(summaries)
     lines = [
@@ -443,7 +443,7 @@ EXPLAINED: Final = (
 )
 
 
-def as_table(summaries: Sequence[LegSummary]) -> tuple[list[str], list[list[Any]]]:
+def as_table(summaries: Sequence[FlightsSummary]) -> tuple[list[str], list[list[Any]]]:
     """Headings and rows for programs: SI units, the turbulence as a fraction."""
     parts = Figure._fields
     head = [
