@@ -104,6 +104,8 @@ def test_a_row_for_each_flight_and_a_table(command: Command, tmp_path: Path) -> 
         ("a", "0.01"), ("a", "0.03"), ("b", "0.01"), ("b", "0.03")
     ]  # fmt: skip
     assert float(table[0]["off_own_contour_m_worst"]) == 0.05
+    report = CliRunner().invoke(app, ["campaign", "report", str(out)])
+    assert "result, by leg" in report.stdout
     manifest = json.loads((out / MANIFEST).read_text())
     assert (manifest["flights"], manifest["seeds"], manifest["complete"]) == (20, [1, 5], True)
 

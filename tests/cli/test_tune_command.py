@@ -98,7 +98,9 @@ def test_without_pyarrow_there_is_no_table_and_the_gains_are_there(
     out = tmp_path / "t.toml"
     result = CliRunner().invoke(app, [*FEW, "--out", str(out)], env={"COLUMNS": "200"})
     assert result.exit_code == 0, result.output
-    assert "no table of the flights: Parquet needs pyarrow" in result.output
+    told = "no table of the flights: Parquet needs pyarrow"
+    assert f"\nthere will be {told}" in result.output
+    assert f"\n{told}" in result.output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["t.toml", "t.toml.manifest.json"]
 
 

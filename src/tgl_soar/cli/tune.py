@@ -180,7 +180,10 @@ def _progress(task: Task, out: Path, *, restart: bool) -> ProgressFile:
 
 def _tuned(task: Task, found: ProgressFile, executor: Executor) -> Tuned:
     from tgl_soar.analysis.tuning.tune import tune
+    from tgl_soar.sim.campaign.rows import MISSING, available
 
+    if not available():
+        hint(f"there will be no table of the flights: {MISSING}")
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),

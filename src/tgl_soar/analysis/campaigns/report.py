@@ -20,7 +20,7 @@ from tgl_soar.sim.campaign.rows import FLIGHT, read_columns, read_rows
 GROUPS_MOST: Final = 200  # more are no groups
 ALL: Final = "all"
 # What is looked at where nobody says: what campaigns are about, by their own names for it.
-USUAL_BY: Final = ("row", "kind", "place", "scenario_title")
+USUAL_BY: Final = ("row", "kind", "place", "leg", "scenario_title")
 USUAL_OF: Final = ("result", "ended", "up", "rms_e_rho_m", "alpha")
 
 
