@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.analysis.campaigns import many_flights
+from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS
 from tgl_soar.analysis.campaigns.many_flights import (
     FlightsAsked,
     LegFlight,
@@ -89,6 +90,7 @@ def test_a_flight_is_on_its_leg_in_its_turbulence_with_its_parameters() -> None:
     assert site.air is not None
     assert site.air.turbulence.intensity == 0.03
     assert scenario.duration_s == 20.0
+    assert scenario.sensors.as_sensors() == SENSORS[EVERY_SENSOR]
     crossing = prepared.lines["b"].crossing
     assert crossing is not None
     assert site.start is not None
@@ -111,6 +113,10 @@ def test_what_files_lack_is_refused_in_words(tmp_path: Path) -> None:
     bare = changed(tmp_path, AIRFRAME, r"(?s)\n\[model\]\n.*?(?=\n\[autopilot\])", "")
     with pytest.raises(ConfigError, match=r"\[model\]: missing, and nothing is simulated without"):
         jobs_of(ASKED._replace(airframe=bare))
+    simple = changed(tmp_path, AIRFRAME, r"\n\[model\]\n", '\n[model]\nkind = "point_mass"\n')
+    with pytest.raises(ConfigError, match="--dispersion needs the rigid body"):
+        jobs_of(ASKED._replace(airframe=simple))
+    assert len(jobs_of(ASKED._replace(airframe=simple, dispersed=False))) == 12
     without = changed(tmp_path, SITE, r"(?s)\n\[air\]\n.*?(?=\n\[start\])", "")
     with pytest.raises(ConfigError, match=r"no \[air\] table"):
         jobs_of(ASKED._replace(site=without))
@@ -147,9 +153,10 @@ def trajectory(seconds: float, ended: str = "", mode: int = SOARING_MODE) -> Tra
     time_s, sign = np.arange(n) / HZ, np.where(np.arange(n) % 2, 1.0, -1.0)
     c, s = cos(target.eta_rad), sin(target.eta_rad)
     e = np.where(time_s < 2.0, 1.0, OFF_M * sign)
+    elevator = np.where(time_s < 5.0, 0.5, 0.005) * sign  # not scored until then
     columns = {
         "time_s": time_s, "x_m": at[0] + c * AWAY_M - s * e, "z_m": at[1] + s * AWAY_M + c * e,
-        "y_m": SIDE_M * sign, "roll_rad": BANK * sign, "elevator": 0.005 * sign,
+        "y_m": SIDE_M * sign, "roll_rad": BANK * sign, "elevator": elevator,
         "line_moving": np.zeros(n), "target_changes": np.zeros(n), "mode": np.full(n, float(mode)),
     }  # fmt: skip
     return Trajectory(columns, ended, n)
