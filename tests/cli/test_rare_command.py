@@ -19,9 +19,10 @@ from tgl_soar.analysis.rare import checkpoint
 from tgl_soar.analysis.rare.kramers import WellExit
 from tgl_soar.analysis.rare.soaring_process import SHOWN, SoaringCase, SoaringProcess
 from tgl_soar.analysis.rare.splitting import Passage
-from tgl_soar.cli import rare
+from tgl_soar.cli import batch_options, rare
 from tgl_soar.cli.app import app
 from tgl_soar.cli.console import AIRFRAME
+from tgl_soar.sim.campaign import folder, rows
 from tgl_soar.sim.campaign.manifest import read_manifest
 from tgl_soar.sim.campaign.rows import read_rows
 
@@ -123,6 +124,25 @@ def test_ladders_and_plain_flights_are_rows_too(
     # What the table lacks, the last seconds, is still there to be drawn again.
     assert CliRunner().invoke(app, [*words, "--resume"]).exit_code == 0
     assert json.loads((tmp_path / "rare.json").read_text())["ladders"] == content["ladders"]
+
+
+@pytest.mark.usefixtures("halving")
+def test_tables_that_will_be_missing_are_reported_before_and_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    words = [*WORDS, "--effort", "60", "--ladders", "2", "--plain", "10", "--out", str(tmp_path)]
+    with monkeypatch.context() as patched:
+        for each in (batch_options, folder, rows):
+            patched.setattr(each, "available", lambda: False)
+        done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    before, after = done.stderr.splitlines()
+    assert before.startswith("there will be no rows.parquet, but flights.journal: Parquet needs")
+    assert after.startswith(f"ladders and plain flights in {tmp_path / 'flights'}, no table: ")
+    assert after.endswith("then the same command with --resume")
+    assert CliRunner().invoke(app, [*words, "--resume"]).exit_code == 0
+    assert (tmp_path / "flights/ladders/rows.parquet").exists()
 
 
 @pytest.mark.usefixtures("halving")
