@@ -74,6 +74,7 @@ def test_each_option_is_what_is_flown_by_and_the_log_has_the_airframe_and_the_se
     assert log.info["sys_name"] == "tgl_soar"
     assert log.info["flight"] == "simulated glide, seed 7"
     assert int(log.info["ver_log"]) > 0
+    assert log.info["airframe_file"] == str(BRAKED)
     assert log.texts["airframe"] == BRAKED.read_text(encoding="utf-8")
     assert log.parameters
 

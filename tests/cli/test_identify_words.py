@@ -12,6 +12,7 @@ from tgl_soar.cli import identify as module
 from tgl_soar.config.files import load_airframe, shipped
 
 AIRFRAME = shipped("airframes/eclipson_c.toml")
+TEXT = AIRFRAME.read_text(encoding="utf-8")
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +28,7 @@ def test_a_file_that_cannot_be_written_ends_the_command(
     out = tmp_path / "none" / "new.toml"
     found: Any = None
     with pytest.raises(typer.Exit) as ended:
-        module._write(out, AIRFRAME, found, found)
+        module._write(out, TEXT, "old.toml", found, found)
     assert ended.value.exit_code == 2
     printed, errors = capsys.readouterr()
     assert printed == ""
@@ -40,6 +41,7 @@ def test_a_file_that_is_written_is_named(
 ) -> None:
     out = tmp_path / "new.toml"
     found: Any = None
-    module._write(out, AIRFRAME, found, found)
+    module._write(out, TEXT, "old.toml", found, found)
     assert load_airframe(out) == load_airframe(AIRFRAME)
-    assert "before you fly with it" in " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
+    assert "compare it with old.toml before you fly with it" in output

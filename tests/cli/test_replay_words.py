@@ -71,9 +71,18 @@ def test_what_is_no_change_is_refused(text: str) -> None:
         ("a.ulg", "--scheduler", "tcp://127.0.0.1:1"),
         "--scheduler goes with several logs, or with --out",
     ),
-    (("a.ulg", "b.ulg", "--site", "tunnel"), "--site goes with one log, and without --out"),
-    (("a.ulg", "b.ulg", "--figure", "x.png"), "--figure goes with one log, and without --out"),
-    (("a.ulg", "b.ulg", "--compile"), "--compile goes with one log, and without --out"),
+    (
+        ("a.ulg", "b.ulg", "--site", "tunnel"),
+        "one log at a time with --site: 2 are named; the newest is b.ulg",
+    ),
+    (
+        ("a.ulg", "b.ulg", "--figure", "x.png"),
+        "one log at a time with --figure: 2 are named; the newest is b.ulg",
+    ),
+    (
+        ("a.ulg", "b.ulg", "--compile"),
+        "one log at a time with --compile: 2 are named; the newest is b.ulg",
+    ),
     (("a.ulg", "--out", "x", "--compile"), "--compile goes with one log, and without --out"),
     (("a.ulg", "--site", "tunnel"), "--site is only for a .tlog"),
     (("none.ulg",), "none.ulg"),

@@ -49,6 +49,7 @@ def glide(
         "sys_name": "tgl_soar",
         "ver_log": str(VERSION),
         "flight": f"simulated glide, seed {seed}",
+        "airframe_file": str(airframe),
     }
     recorder = FlightRecorder(out, LogMetadata(words, texts), 0.0, patient=True)
     recorder.start()

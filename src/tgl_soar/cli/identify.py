@@ -26,7 +26,8 @@ from tgl_soar.analysis.identified_file import (
     with_identified,
 )
 from tgl_soar.analysis.logs.ulog_reader import LogError
-from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, console, errors, fail, say
+from tgl_soar.cli.console import AIRFRAME_FILE, console, errors, fail, say
+from tgl_soar.cli.log_argument import HELP, METAVAR, airframe_of, one_log
 from tgl_soar.config.files import ConfigError, load_airframe
 
 WORDS: Final = {
@@ -48,11 +49,15 @@ WindFromOption = Annotated[
 
 
 def identify_command(
-    log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
+    logs: Annotated[list[Path], typer.Argument(metavar=METAVAR, help=HELP)],
     airframe: Annotated[
-        Path,
-        typer.Option(help="Airframe file: mass, size, inertia, servo, surfaces.", **AIRFRAME_FILE),
-    ] = AIRFRAME,
+        Path | None,
+        typer.Option(
+            help="Airframe file: mass, size, inertia, servo, surfaces. Default: that of the"
+            " module's log; other logs need it.",
+            **AIRFRAME_FILE,
+        ),
+    ] = None,
     wind: WindOption = 0.0,
     wind_from: WindFromOption = 0.0,
     out: Annotated[
@@ -72,15 +77,20 @@ def identify_command(
     from tgl_soar.analysis.logs.gliding import MeanWind, glides, longitudinal
     from tgl_soar.analysis.logs.open_log import read_flight
 
-    if out is not None and out.resolve() == airframe.resolve():
+    if out is not None and airframe is not None and out.resolve() == airframe.resolve():
         fail(f"--out {out}: that is the file that it is compared with; give another name")
+    log = one_log(logs)
     try:
-        plane = load_airframe(airframe)
+        flight = read_flight(log)
+        plane, before, called = airframe_of(flight, airframe, log)
+    except (LogError, ConfigError, ImportError) as error:
+        fail(error)
+    try:
         body = body_from(asdict(plane.airframe), plane.model)
-    except (ConfigError, IdentificationError) as error:
-        fail(error if isinstance(error, ConfigError) else f"{airframe}: {error}")
+    except IdentificationError as error:
+        fail(f"{called}: {error}")
     try:
-        flight = steered(read_flight(log), plane.surfaces)
+        flight = steered(flight, plane.surfaces)
         for text in flight.lost:
             errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
         air = MeanWind(wind, radians(wind_from))
@@ -98,9 +108,10 @@ def identify_command(
         gliding = glided(glides(flight, air), body)
     except ValueError as error:
         gliding = Gliding({}, "", f"drag and polar are not identified: {error}")
+    say(f"airframe: {plane.airframe.name}, of {called}")
     _print(found, gliding, plane.model)
     if out is not None:
-        _write(out, airframe, found, gliding)
+        _write(out, before, called, found, gliding)
     if figure is not None:
         _draw(figure, found, log.name)
     if not found.explained >= EXPLAINED_MIN:
@@ -145,10 +156,10 @@ def _print(found: Identified, gliding: Gliding, model: dict[str, float]) -> None
         console.print(f"the model explains {found.explained:.1%} of the manoeuvres held out")
 
 
-def _write(out: Path, airframe: Path, found: Identified, gliding: Gliding) -> None:
-    """The new airframe file, once it is known to be one."""
+def _write(out: Path, before: str, called: str, found: Identified, gliding: Gliding) -> None:
+    """The new airframe file, once it is known to be one; before: the text of the old one."""
     try:
-        text = with_identified(airframe.read_text(encoding="utf-8"), str(airframe), found, gliding)
+        text = with_identified(before, called, found, gliding)
         with tempfile.TemporaryDirectory() as folder:
             trial = Path(folder) / out.name
             trial.write_text(text, encoding="utf-8")
@@ -158,7 +169,7 @@ def _write(out: Path, airframe: Path, found: Identified, gliding: Gliding) -> No
         fail(error)
     except OSError as error:
         fail(f"--out {out}: cannot be written: {error.strerror}")
-    say(f"airframe file in {out}: compare it with {airframe} before you fly with it")
+    say(f"airframe file in {out}: compare it with {called} before you fly with it")
 
 
 def _draw(path: Path, found: Identified, title: str) -> None:

@@ -14,6 +14,7 @@ from tgl_soar.analysis.logs.export import ENDINGS, FORMATS
 from tgl_soar.analysis.logs.meanings import page
 from tgl_soar.analysis.logs.ulog_reader import FlightLog, LogError, read_log
 from tgl_soar.cli.console import Commands, console, errors, fail
+from tgl_soar.cli.log_argument import METAVAR, OR_FOLDER, one_log
 
 if TYPE_CHECKING:
     from tgl_soar.analysis.loop_response import LoopResponse
@@ -43,8 +44,11 @@ def fields() -> None:
 
 
 @log_app.command()
-def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -> None:
+def info(
+    paths: Annotated[list[Path], typer.Argument(metavar=METAVAR, help=f"A ULog{OR_FOLDER}")],
+) -> None:
     """Show what a log contains, and what of it is lost; exit code 1 if anything is lost."""
+    path = one_log(paths)
     log = read(path)
     for key, value in sorted(log.info.items()):
         console.print(f"{key}: {value}", highlight=False, markup=False, soft_wrap=True)
@@ -64,13 +68,16 @@ def info(path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")]) -
 
 @log_app.command()
 def margins(
-    path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog of the module.")],
+    paths: Annotated[
+        list[Path], typer.Argument(metavar=METAVAR, help=f"A ULog of the module{OR_FOLDER}")
+    ],
 ) -> None:
     """Read the open loop from a flight's multisines (EXC_START): gain and phase at each tone, and
     margins, with their 95 % intervals; exit code 2 where there are none."""
     from tgl_soar.analysis.logs.open_log import read_flight
     from tgl_soar.analysis.loop_response import loop_responses
 
+    path = one_log(paths)
     try:
         flight = read_flight(path)
     except (LogError, ImportError) as error:
@@ -110,7 +117,7 @@ def _tones_of(response: LoopResponse) -> Table:
 
 @log_app.command()
 def export(
-    path: Annotated[Path, typer.Argument(metavar="LOG", help="A ULog.")],
+    paths: Annotated[list[Path], typer.Argument(metavar=METAVAR, help=f"A ULog{OR_FOLDER}")],
     to: Annotated[str, typer.Option("--to", help="csv, netcdf or mcap.")] = "csv",
     out: Annotated[
         Path | None, typer.Option(help="File, or folder for csv; beside the log if not given.")
@@ -119,6 +126,7 @@ def export(
     """Write the readable part of a log in another format; exit code 1 if anything is lost."""
     if to not in FORMATS:
         fail(f"--to {to}: must be {', '.join(FORMATS)}")
+    path = one_log(paths)
     log = read(path)
     target = out or path.with_name(path.stem + ENDINGS[to])
     try:

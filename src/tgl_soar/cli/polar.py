@@ -16,6 +16,7 @@ from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, Commands, console, errors, fail, say
 from tgl_soar.cli.identify import WindFromOption, WindOption
+from tgl_soar.cli.log_argument import log_in
 from tgl_soar.config.airframe import Airframe, Surfaces
 from tgl_soar.config.files import ConfigError, load_airframe
 from tgl_soar.estimation.polar import (
@@ -36,7 +37,10 @@ polar_app = Commands(help="Glide polars: fit one, or show an airframe's.", no_ar
 def fit(
     files: Annotated[
         list[Path],
-        typer.Argument(help="One CSV with columns speed_mps and sink_mps, or flight logs."),
+        typer.Argument(
+            help="One CSV with columns speed_mps and sink_mps, or flight logs. A folder: the"
+            " newest log in it."
+        ),
     ],
     speed: Annotated[
         str, typer.Option(help="Column of horizontal airspeeds \\[m/s].")
@@ -61,6 +65,7 @@ def fit(
     unless the aircraft has a pitot tube. Glides at several positions of a brake give a family of
     polars: the polar with the brake retracted, and what the full brake adds.
     """
+    files = [log_in(path) for path in files]
     file = files[0]
     try:
         plane = None if compare is None else load_airframe(compare)

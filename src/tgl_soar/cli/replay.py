@@ -38,6 +38,7 @@ from tgl_soar.cli.console import (
     say,
 )
 from tgl_soar.cli.log import read
+from tgl_soar.cli.log_argument import log_in, one_log
 from tgl_soar.config.files import ConfigError
 from tgl_soar.config.parameters import ParameterError
 from tgl_soar.onboard.flightlog.topics import TOPICS, unit_of
@@ -58,7 +59,8 @@ def replay(
     paths: Annotated[
         list[Path],
         typer.Argument(
-            metavar="LOG...", help="One .ulg of the module, or a .tlog; or several .ulg."
+            metavar="LOG...",
+            help="One .ulg of the module, or a .tlog; or several .ulg. A folder: the newest .ulg.",
         ),
     ],
     param: Annotated[
@@ -107,6 +109,7 @@ def replay(
     table with a line for each log; --out keeps it, with the logs' digests.
     """
     changes = tuple(changes_of(param or []).items())
+    paths = [log_in(path) for path in paths]
     for option, kept in (("--resume", resume), ("--restart", restart)):
         if kept and out is None:
             fail(f"{option} goes with --out")
@@ -116,6 +119,8 @@ def replay(
         _replay_one(paths[0], changes, airframe, site, figure, workers, compile)
         return
     for option, given in (("--site", site), ("--figure", figure), ("--compile", compile)):
+        if given and out is None:
+            one_log(paths, f" with {option}")
         if given:
             fail(f"{option} goes with one log, and without --out")
     executor = executor_of(workers or ALL, scheduler)

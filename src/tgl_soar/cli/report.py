@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, errors, fail, say
+from tgl_soar.cli.log_argument import HELP, METAVAR, one_log
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
@@ -34,7 +35,7 @@ STEPS = 10  # reading, reckoning, and the parts of the page
 
 
 def report(
-    log: Annotated[Path, typer.Argument(help="ULog (ours, PX4's), DataFlash .bin or .tlog.")],
+    logs: Annotated[list[Path], typer.Argument(metavar=METAVAR, help=HELP)],
     site: Annotated[
         Path | None,
         typer.Option(help="Site file. Default: that of the module's log.", **SITE_FILE),
@@ -56,6 +57,7 @@ def report(
     ] = None,
 ) -> None:
     """Write the page of a flight: figures, legs, spectra, health. Exit code 1 if data was lost."""
+    log = one_log(logs)
     page = page_of(log, out)
     try:
         with Progress(

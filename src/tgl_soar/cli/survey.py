@@ -12,13 +12,12 @@ import typer
 
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, fail, hint, say
+from tgl_soar.cli.log_argument import airframe_of
 from tgl_soar.cli.site import contour_table
-from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import ConfigError, airframe_from, load_airframe, load_site, site_from
+from tgl_soar.config.files import ConfigError, load_site, site_from
 from tgl_soar.config.parameter_store import write_state
 
 if TYPE_CHECKING:
-    from tgl_soar.analysis.logs.flight_data import FlightData
     from tgl_soar.analysis.survey.contour_fit import DrawnContour
 
 _TABLE = re.compile(r"(?m)^\[{1,2}[A-Za-z]")
@@ -52,7 +51,7 @@ def survey(
 
     try:
         flight = read_flight(log)
-        plane = _airframe(flight, airframe, log)
+        plane, _, _ = airframe_of(flight, airframe, log)
         surveys = surveys_of(flight)
         if number > len(surveys):
             raise SurveyError(f"--number {number}: the flight has surveys 1 to {len(surveys)}")
@@ -75,16 +74,6 @@ def survey(
         hint(words)
     else:
         say(f"{into}: {words}")
-
-
-def _airframe(flight: FlightData, path: Path | None, log: Path) -> Airframe:
-    """Errors: `ConfigError`."""
-    if path is not None:
-        return load_airframe(path)
-    text = flight.files.get("airframe", "")
-    if not text:
-        raise ConfigError(f"{log}: holds no airframe file: name one by --airframe")
-    return airframe_from(text, f"{log}, airframe file")
 
 
 def _table(drawn: DrawnContour, airframe: str, log: Path) -> str:

@@ -80,6 +80,9 @@ and reported to the operator, in the ULog and on the console:
 | `ulog_info LOG`, PlotJuggler | any reader of ULogs |
 | `mavlogdump.py LOG.tlog` | any reader of MAVLink telemetry logs |
 
+In place of a log `report`, `replay`, `identify`, `polar fit` and `log` take a folder, too, as in
+`tgl-soar report out/sitl/logs`: it stands for the newest log in it.
+
 A log that is empty, cut off, damaged, of another version or with a clock that jumped is used as far
 as it can be read; what is lost is reported. The exit code is 1 if something was lost and 2 if
 nothing could be done; a fit by `polar` or `identify` counts as done if enough is left for it.
@@ -96,8 +99,8 @@ cut.
 ## Replay with another gain
 
     make run ARGS="--turbulence 0.03"
-    tgl-soar replay out/sitl/logs/*/*.ulg
-    tgl-soar replay out/sitl/logs/*/*.ulg --param RHO_P_IMU=0.5 --figure out/replay.png
+    tgl-soar replay out/sitl/logs
+    tgl-soar replay out/sitl/logs --param RHO_P_IMU=0.5 --figure out/replay.png
 
 The first replay ends with *every command is the same, bit for bit*. The second shows what about
 half of the shipped gain (0.95) would have commanded while accelerometers are in use:
