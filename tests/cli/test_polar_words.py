@@ -221,7 +221,9 @@ def test_the_glides_of_several_logs_are_put_together(
 
     found = {"a.ulg": [glide(8.0, 10.0), glide(9.0, 20.4)], "b.ulg": [glide(10.0, 5.0)]}
     monkeypatch.setattr(
-        module, "read_flight", lambda path: SimpleNamespace(lost=("a bit",), name=path.name)
+        module,
+        "read_flight",
+        lambda path: SimpleNamespace(lost=("a bit",), name=path.name, airspeed=None),
     )
     monkeypatch.setattr(module, "glides", lambda flight, _wind: found[flight.name])
     speeds, sinks, brakes = logged_glides([Path("a.ulg"), Path("b.ulg")], SimpleNamespace())  # type: ignore[arg-type]
@@ -231,6 +233,40 @@ def test_the_glides_of_several_logs_are_put_together(
     out, err = capsys.readouterr()
     assert out == "a.ulg: 2 steady glides, 30 s in all\nb.ulg: 1 steady glides, 5 s in all\n"
     assert err.count("lost: a bit") == 2
+
+
+@pytest.mark.parametrize(
+    ("fast", "airspeed", "wind", "refused"),
+    [
+        (2.26, None, 0.0, True),
+        (2.26, float("nan"), 0.0, True),
+        (4.99, None, 0.0, True),
+        (5.0, None, 0.0, False),
+        (2.26, None, 0.1, False),
+        (2.26, 2.0, 0.0, False),
+    ],
+)
+def test_speeds_over_the_ground_are_not_taken_for_glides_against_a_wind_that_nobody_gave(
+    fast: float,
+    airspeed: float | None,
+    wind: float,
+    refused: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    measured = None if airspeed is None else series([0.0], "airspeed", airspeed_mps=[airspeed])
+    monkeypatch.setattr(module, "read_flight", lambda _: FlightData("a", "b", airspeed=measured))
+    glided = [SimpleNamespace(speed_mps=u, sink_mps=0.2, brake=0.0, duration_s=9.0)
+              for u in (0.72, fast)]  # fmt: skip
+    monkeypatch.setattr(module, "glides", lambda _flight, _wind: glided)
+    if not refused:
+        assert logged_glides([Path("a.ulg")], MeanWind(wind, 0.0))[0] == [0.72, fast]
+        return
+    words = (
+        f"^a.ulg: the log has no airspeed, and --wind is 0: .* glides at 0.7 to {fast:.1f} m/s."
+        " Give the wind of the flight with --wind and --wind-from$"
+    )
+    with pytest.raises(ValueError, match=words):
+        logged_glides([Path("a.ulg")], MeanWind(wind, 0.0))
 
 
 def test_the_brake_of_a_log_is_read_by_the_airframe_that_is_compared(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 from math import isfinite, radians
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
+import numpy as np
 import typer
 from rich.table import Table
 
-from tgl_soar.analysis.logs.flight_data import steered
+from tgl_soar.analysis.logs.flight_data import FlightData, steered
 from tgl_soar.analysis.logs.gliding import MeanWind, glides
 from tgl_soar.analysis.logs.open_log import read_flight
 from tgl_soar.analysis.logs.ulog_reader import LogError
@@ -29,6 +30,8 @@ from tgl_soar.estimation.polar import (
     sink_band,
 )
 from tgl_soar.types import GlidePolar, polar_sink, polar_slope
+
+SLOWEST_MPS: Final = 5.0  # no aircraft that soars outdoors glides at no more, whatever its pitch
 
 polar_app = Commands(help="Glide polars: fit one, or show an airframe's.", no_args_is_help=True)
 
@@ -188,6 +191,11 @@ def read_glides(
     return speeds, sinks, brakes
 
 
+def _has_airspeed(flight: FlightData) -> bool:
+    airspeed = flight.airspeed
+    return airspeed is not None and bool(np.isfinite(airspeed["airspeed_mps"]).any())
+
+
 def logged_glides(
     files: list[Path], wind: MeanWind, surfaces: Surfaces | None = None
 ) -> tuple[list[float], list[float], list[float]]:
@@ -196,11 +204,13 @@ def logged_glides(
     surfaces: of the airframe, to read the brake from the outputs where a log has no command of it;
     without them it counts as retracted there.
 
-    Errors: `LogError`; ValueError naming a log that holds none.
+    Errors: `LogError`; ValueError naming a log that holds none, or whose wind is not given.
     """
     speeds, sinks, brakes = [], [], []
+    measured = False
     for path in files:
         flight = read_flight(path)
+        measured = measured or _has_airspeed(flight)
         for text in flight.lost:
             errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
         try:
@@ -211,6 +221,14 @@ def logged_glides(
         speeds += [glide.speed_mps for glide in found]
         sinks += [glide.sink_mps for glide in found]
         brakes += [glide.brake for glide in found]
+    if speeds and max(speeds) < SLOWEST_MPS and not measured and wind.speed_mps == 0.0:
+        slow, fast = min(speeds), max(speeds)
+        between = f"{slow:.1f} to {fast:.1f} m/s" if fast > slow else f"{slow:.1f} m/s"
+        logs = "the log has" if len(files) == 1 else "the logs have"
+        raise ValueError(
+            f"{files[0]}: {logs} no airspeed, and --wind is 0: the speeds over the ground would be"
+            f" glides at {between}. Give the wind of the flight with --wind and --wind-from"
+        )
     return speeds, sinks, brakes
 
 
