@@ -97,6 +97,8 @@ def test_a_contour_of_another_airframe_is_named_with_the_way_out(tmp_path: Path)
         output = " ".join(ran.output.split())
         assert ("no line is checked: the site's contour is of" in output) == is_reported
         assert ("`tgl-soar site contour`" in output) == is_reported
+        words = "into the site file, in place of [contour], as its option --into does"
+        assert (words in output) == is_reported
 
 
 def test_diff_tells_what_differs(command: Command, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from math import hypot, pi, sin
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from typer.testing import CliRunner
 
@@ -151,6 +152,35 @@ def test_bounds_are_four_numbers(text: str, good: bool) -> None:
             _bounds(text)
 
 
+# --- into a file -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["tunnel", "hill"])
+def test_into_a_site_file_it_takes_the_place_of_the_old_one(name: str, tmp_path: Path) -> None:
+    """A file with two [contour] tables is no TOML."""
+    site = tmp_path / "site.toml"
+    text = shipped(f"sites/{name}.toml").read_text(encoding="utf-8")
+    site.write_text(text, encoding="utf-8")
+    plane = tmp_path / "own.toml"
+    plane.write_text(AIRFRAME.read_text(encoding="utf-8").replace("Eclipson Model C", "mine"))
+    words = ("contour", "--site", site, "--airframe", plane)
+    assert run(*words, "--into", site) == (0, f"contour in {site}, for mine\n")
+    before, after = load_site(shipped(f"sites/{name}.toml")), load_site(site)
+    assert after.contour is not None
+    assert after.contour.airframe == "mine"
+    assert msgspec.structs.replace(after, contour=before.contour) == before
+    assert tomllib.loads(run(*words)[1])["contour"]["airframe"] == "mine"
+
+
+def test_into_and_out_exclude_each_other_and_what_is_no_site_file_is_named(tmp_path: Path) -> None:
+    out, site = tmp_path / "out", tmp_path / "none.toml"
+    code, output = run("contour", "--out", out, "--into", site)
+    assert (code, "--out and --into: give one or the other" in output) == (2, True)
+    code, output = run("contour", "--into", site)
+    assert (code, f"{site}: cannot be read" in output) == (2, True)
+    assert not out.exists()
+
+
 # --- of a site ---------------------------------------------------------------------------------
 
 
@@ -199,7 +229,7 @@ def test_it_is_printed_or_written_and_where_it_goes_is_reported(tmp_path: Path) 
     code, output = run("contour", *area, "--out", out)
     assert code == 0
     assert out.read_text(encoding="utf-8") == printed
-    assert output == f"contour in {out}: put it into {SITE}\n"
+    assert output == f"contour in {out}: put it into {SITE}, or let --into do it\n"
     code, output = run("contour", *area, "--out", tmp_path / "no" / "such.toml")
     assert (code, "such.toml: cannot be written: No such file or directory" in output) == (2, True)
 

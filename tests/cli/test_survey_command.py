@@ -16,7 +16,7 @@ from tgl_soar.analysis.logs.flight_data import FlightData
 from tgl_soar.analysis.survey import contour_fit, surveys_from_log
 from tgl_soar.analysis.survey.contour_fit import DrawnContour
 from tgl_soar.cli.app import app
-from tgl_soar.cli.survey import with_contour, write_contour
+from tgl_soar.cli.contour_file import with_contour, write_contour
 from tgl_soar.config.files import ConfigError, load_site, shipped
 
 AIRFRAME = shipped("airframes/eclipson_c.toml").read_text(encoding="utf-8")

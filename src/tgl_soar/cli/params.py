@@ -133,7 +133,10 @@ def beginning(airframe_path: Path, site_path: Path, state: Path | None) -> Begin
     old = old_state_file(folder, airframe_path, site_path)
     store = ParameterStore(path, identity, files, presets, old)
     found = store.restore(looking=True)
-    words = gains_words(airframe, site, files), site.contour_words(airframe.airframe.name)
+    contour = site.contour_words(airframe.airframe.name)
+    if contour:
+        contour += ", as its option --into does"
+    words = gains_words(airframe, site, files), contour
     return Beginning(
         airframe=airframe,
         site=site,

@@ -21,11 +21,11 @@ from tgl_soar.cli.console import (
     SITE,
     SITE_FILE,
     Commands,
-    console,
     fail,
     hint,
     say,
 )
+from tgl_soar.cli.contour_file import write_contour
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, load_airframe, load_site
 from tgl_soar.config.site import Site
@@ -64,12 +64,20 @@ def contour_(
         typer.Option(help="Where to look: x from,x to,z from,z to \\[m]. Default: the site's air."),
     ] = "",
     out: Annotated[Path | None, typer.Option(help="File to write; else it is printed.")] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            help="Site file into which it is written, in place of its \\[contour].", **SITE_FILE
+        ),
+    ] = None,
 ) -> None:
     """Print the site's zero excess updraft contour as the \\[contour] table of its file.
 
-    The module refuses a line that does not cross this contour. Append it to the site file:
-    tgl-soar site contour --site my_site.toml >> my_site.toml
+    The module refuses a line that does not cross this contour. This puts it into the site file:
+    tgl-soar site contour --site my_site.toml --into my_site.toml
     """
+    if out is not None and into is not None:
+        fail("--out and --into: give one or the other")
     if out is not None and out.resolve() in (site.resolve(), airframe.resolve()):
         fail(f"--out {out}: that is a file that it is computed from; give another name")
     try:
@@ -78,14 +86,22 @@ def contour_(
         text = contour_toml(loaded, place, site.parent, area)
     except (ConfigError, ZeucError, ValueError) as error:
         fail(error)
-    if out is None:
+    if into is not None:
+        try:
+            write_contour(into, text)
+        except ConfigError as error:
+            fail(error)
+        except OSError as error:
+            fail(f"{into}: cannot be written: {error.strerror}")
+        say(f"contour in {into}, for {loaded.airframe.name}")
+    elif out is None:
         print(text, end="")
     else:
         try:
             out.write_text(text, encoding="utf-8")
         except OSError as error:
             fail(f"{out}: cannot be written: {error.strerror}")
-        console.print(f"contour in {out}: put it into {site}", highlight=False, soft_wrap=True)
+        say(f"contour in {out}: put it into {site}, or let --into do it")
 
 
 @site_app.command("misfit")
