@@ -14,6 +14,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from free_ports import free_port
 from installed_wheel import Installed
@@ -34,6 +35,7 @@ from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
 from tgl_soar.link.open_link import check_link
 from tgl_soar.link.transports.base import LinkError
 from tgl_soar.onboard import process
+from tgl_soar.sim.world import site_field
 
 FILES = {
     "airframe.toml", "site.toml", "tgl-soar.service", "qgc_actions.json", "plotjuggler.xml",
@@ -73,6 +75,76 @@ def test_airframe_and_site_are_read(tmp_path: Path, site: str, firmware: str) ->
     assert place.lines
     load_parameters(plane, plane_file, place, place_file)
     assert place_file.read_text().startswith("#")
+
+
+GRID = """\
+[air]
+kind = "grid"
+file = "winds/air.npz"
+record = "hour.csv"
+wind_mps = 7.0
+zero_cells = "solid"
+"""
+
+
+def drafted(folder: Path, air: str = GRID) -> Path:
+    """A site file of one's own, and what its [air] names."""
+    text = shipped("sites/hill.toml").read_text(encoding="utf-8")
+    text, count = re.subn(r"(?ms)^\[air\].*?(?=^\[)", f"{air}\n", text)
+    assert count == 1
+    (folder / "winds").mkdir(parents=True)
+    path = folder / "site.toml"
+    path.write_text(text, encoding="utf-8")
+    x, z = np.linspace(-20.0, 5.0, 6), np.linspace(0.0, 20.0, 5)
+    nodes = np.ones((6, 5))
+    np.savez(folder / "winds" / "air.npz", x=x, z=z, u=7.0 * nodes, w=0.0 * nodes)
+    (folder / "hour.csv").write_text("time_s,wind_mps,veer_deg\n0,7,0\n60,7,0\n")
+    return path
+
+
+def test_a_site_file_of_ones_own_comes_with_the_wind_that_it_names(tmp_path: Path) -> None:
+    path = drafted(tmp_path / "my_hill")
+    place = tmp_path / "place"
+    begun(place, "--from", str(path))
+    assert {*tree(place)} == {*FILES, "winds/air.npz", "hour.csv"}
+    site = load_site(place / "site.toml")
+    assert site == load_site(path)
+    assert site_field(site, place).wind(0.0, -1.0, 0.0, 1.0)[0] == pytest.approx(7.0)
+    assert (place / "site.toml").read_text(encoding="utf-8").startswith(path.read_text())
+    assert "#[position]" in (place / "site.toml").read_text(encoding="utf-8")
+    assert oct((place / "winds/air.npz").stat().st_mode)[-3:] == "644"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + '\n[position]\nsources = ["local_position"]\n', encoding="utf-8")
+    begun(place, "--from", str(path), "--force")
+    assert (place / "site.toml").read_bytes() == path.read_bytes()
+
+
+def test_the_drafts_own_folder_can_become_that_of_the_service(tmp_path: Path) -> None:
+    path = drafted(tmp_path / "my_hill")
+    before = tree(path.parent)
+    begun(path.parent, "--from", str(path))
+    after = tree(path.parent)
+    assert {*after} == {*FILES, *before}
+    assert {name: after[name] for name in before} == before
+
+
+@pytest.mark.parametrize(
+    ("air", "words"),
+    [
+        (GRID.replace("winds/", ""), 'air.file = "air.npz": No such file'),
+        (GRID.replace("winds/", "../"), 'air.file = "../air.npz": outside of the site\'s folder'),
+        (GRID.replace("winds/air.npz", "a.foam"), 'air.file = "a.foam": a case of many files'),
+        (GRID.replace("7.0", "-7.0"), "air.wind_mps = -7.0"),
+    ],
+)
+def test_a_site_file_whose_wind_cannot_come_along_is_refused(
+    tmp_path: Path, air: str, words: str
+) -> None:
+    path = drafted(tmp_path / "my_hill", air)
+    output = begun(tmp_path / "place", "--from", str(path), code=2).replace("\n", "")
+    assert str(path) in output
+    assert words in output
+    assert not (tmp_path / "place").exists()
 
 
 @pytest.mark.parametrize("firmware", ["bridge", "ardupilot"])

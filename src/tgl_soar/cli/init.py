@@ -8,6 +8,7 @@ import re
 import shlex
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 from typing import Annotated, Final
@@ -22,9 +23,12 @@ from tgl_soar.config.files import (
     ConfigError,
     airframe_file,
     load_airframe,
+    load_site,
     shipped,
     shipped_names,
+    site_file,
 )
+from tgl_soar.config.site import PolynomialAir
 from tgl_soar.link.commands import ABORT, ENGAGE, RELEASE
 from tgl_soar.link.open_link import check_link
 from tgl_soar.link.transports.base import LinkError
@@ -36,7 +40,13 @@ _FIRMWARES: Final = ("bridge", "ardupilot", "px4", "paparazzi")
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Created if it does not exist.")],
     start: Annotated[
-        str, typer.Option("--from", metavar="NAME", help="Site to start from: tunnel, hill, …")
+        str,
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            help="Site to start from: a name (tunnel, hill, …), or a file; what its \\[air] names"
+            " is copied, too.",
+        ),
     ] = "tunnel",
     airframe: Annotated[
         str, typer.Option(metavar="FILE", help="Airframe to start from: a name, or a file.")
@@ -60,9 +70,10 @@ def init(
         ("--airframe", airframe, shipped_names("airframes")),
         ("--firmware", firmware, _FIRMWARES),
     ):
-        if name is None or name in known or (option == "--airframe" and Path(name).is_file()):
+        takes_file = option != "--firmware"
+        if name is None or name in known or (takes_file and Path(name).is_file()):
             continue
-        file = ", or a file" if option == "--airframe" else ""
+        file = ", or a file" if takes_file else ""
         fail(f"{option} {name}: not known; must be one of {', '.join(known)}{file}")
     folder = Path(os.path.abspath(folder))  # noqa: PTH100 - a link is not followed
     try:
@@ -90,9 +101,9 @@ def init(
 
 def contents(
     folder: Path, start: str, airframe: str, firmware: str | None, link: str
-) -> dict[str, str]:
-    """The text of every file by its name.  Errors: `ConfigError`."""
-    plane_file, site_file = airframe_file(airframe), shipped(f"sites/{start}.toml")
+) -> dict[str, str | bytes]:
+    """The content of every file by its name.  Errors: `ConfigError`."""
+    plane_file, place_file = airframe_file(airframe), site_file(start)
     plane = load_airframe(plane_file)
     text = plane_file.read_text(encoding="utf-8")
     if plane_file == shipped(f"airframes/{airframe}.toml"):
@@ -106,12 +117,12 @@ def contents(
     words = {
         "program": shlex.join(program),
         "airframe": plane_file.name,
-        "site": site_file.name,
+        "site": place_file.name,
         "link": shlex.quote(link),
     }
     return {
         "airframe.toml": text if firmware is None else _with_firmware(text, firmware),
-        "site.toml": _site(site_file.read_text(encoding="utf-8")),
+        **_site(place_file, folder),
         "tgl-soar.service": unit(command, [folder, Path(sys.prefix), Path(sys.base_prefix)]),
         "qgc_actions.json": qgc_actions(plane),
         "plotjuggler.xml": plotjuggler(),
@@ -142,9 +153,35 @@ def _with_firmware(text: str, firmware: str) -> str:
     return changed
 
 
-def _site(text: str) -> str:
-    """With what only a real place needs; a site that takes motion capture has it already."""
-    return text if "\n[mocap]" in text else text + _template("place.toml")
+def _site(path: Path, folder: Path) -> dict[str, str | bytes]:
+    """The site file, and the files that its [air] names; none of a site that is there already.
+
+    With what only a real place needs, where the file does not say where positions are from.
+    Errors: `ConfigError`.
+    """
+    site = load_site(path)
+    if path.resolve() == (folder / "site.toml").resolve():
+        return {}
+    text = path.read_text(encoding="utf-8")
+    has_position = re.search(r"(?m)^\[(mocap|position)\]", text)
+    files: dict[str, str | bytes] = {}
+    air: object = site.air.of if isinstance(site.air, PolynomialAir) else site.air
+    for key in ("file", "record"):
+        name = getattr(air, key, None)
+        if name is not None and not Path(name).is_absolute():
+            files[name] = _beside(path, key, name)
+    return {"site.toml": text if has_position else text + _template("place.toml"), **files}
+
+
+def _beside(site: Path, key: str, name: str) -> bytes:
+    """A file that [air] of a site file names.  Errors: `ConfigError`."""
+    if ".." in Path(name).parts or name.endswith(".foam"):
+        what = "a case of many files" if name.endswith(".foam") else "outside of the site's folder"
+        raise ConfigError(f'{site}: air.{key} = "{name}": {what}, and not copied: name an .npz')
+    try:
+        return (site.parent / name).read_bytes()
+    except OSError as error:
+        raise ConfigError(f'{site}: air.{key} = "{name}": {error.strerror}') from None
 
 
 def program_of(python: Path) -> list[str]:
@@ -172,7 +209,7 @@ def qgc_actions(airframe: Airframe) -> str:
     )
 
 
-def place(files: dict[str, str], folder: Path, *, force: bool) -> list[Path]:
+def place(files: Mapping[str, str | bytes], folder: Path, *, force: bool) -> list[Path]:
     """Write all or none; the paths.
 
     All are complete beside their places before the first is moved there.
@@ -192,12 +229,15 @@ def place(files: dict[str, str], folder: Path, *, force: bool) -> list[Path]:
         made = Path(stage) / "files"
         made.mkdir()
         made.chmod(0o755)  # whatever the umask: the service's user reads here
-        for name, text in files.items():
-            (made / name).write_text(text, encoding="utf-8")
+        for name, content in files.items():
+            data = content.encode() if isinstance(content, str) else content
+            (made / name).parent.mkdir(parents=True, exist_ok=True)
+            (made / name).write_bytes(data)
             (made / name).chmod(0o644)
         if new:
             made.rename(folder)
         else:
             for name in files:
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (made / name).replace(folder / name)
     return [folder / name for name in files]
