@@ -144,7 +144,7 @@ def _place(airframe_path: Path, site_path: Path) -> GymPlace:
     airframe, site, values = load_flight(airframe_path, site_path)
     if site.air is None:
         raise ValueError(f"{site_path}: no [air] table, so there is no wind to fly in")
-    return GymPlace(airframe, site, values, site_field(site, site_path.parent))
+    return GymPlace(airframe, site, values, site_field(site, site_path.parent, site_path))
 
 
 def _found(given: str | Path, folder: str) -> Path:

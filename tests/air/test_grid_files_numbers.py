@@ -175,7 +175,11 @@ def test_a_cross_wind_of_a_plane_is_read_where_it_is_named(tmp_path: Path) -> No
          "2 places occur more than once, e.g. in line 5: x = 1, z = 1; keep one row a place"),
         ("x,z,u,w\n0,0,1,1\n0,1,1,1\n1,0,1,1\n2,0,1,1\n2,1,1,1\n",
          "1 of 6 places of the grid 3 × 2 have no row, first x = 1, z = 1; fill the holes"),
-        ("x,z,u,w\n0,0,1,1\n1,zero,1,1\n", "not a table of numbers: "),
+        ("x,z,u,w\n0,0,1,1\n1,zero,1,1\n", "not a table of numbers: line 3: z = 'zero'$"),
+        ("x,z,u,w\n\n# so\n0,0,1,1\n1,1,1,\n", "not a table of numbers: line 5: w = ''$"),
+        ("x,z,u,w\n0,0,1,1\n1,1,1\n", "numbers: line 3 has 3 values under 4 names$"),
+        ("x,z,u,w\n\n0,0,1,1\n0,1,1,1\n#\n1,0,nan,1\n1,1,1,1\n", "at 1 of 4 .* at line 6;"),
+        ("x,z,u,w\n\n0,0,1,1 # so\n0,1,1,1\n1,0,1,1\n1,1,1,1\n\n0,1,2,1\n", "e.g. in line 8: "),
     ],
 )  # fmt: skip
 def test_a_bad_csv_is_refused_with_line_and_place(tmp_path: Path, text: str, says: str) -> None:

@@ -16,7 +16,7 @@ be under others.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -121,12 +121,15 @@ def _read_csv(path: Path, layout: Layout) -> _Raw:
     with path.open(encoding="utf-8-sig") as file:
         try:
             header = [name.strip() for name in file.readline().split(",")]
+            table = {n: text for n, line in enumerate(file, 2) if (text := _uncommented(line))}
         except UnicodeDecodeError:
             raise GridError(f"{path}: not UTF-8 text; is it a CSV file?") from None
-        try:
-            rows = np.loadtxt(file, delimiter=",", ndmin=2, dtype=np.float64)
-        except ValueError as error:
-            raise GridError(f"{path}: not a table of numbers: {error}") from None
+    lines = list(table)  # as an editor counts them
+    try:
+        rows = np.loadtxt([*table.values()], delimiter=",", ndmin=2, dtype=np.float64)
+    except ValueError as error:
+        what = _first_bad(table, header) or str(error)
+        raise GridError(f"{path}: not a table of numbers: {what}") from None
     if rows.shape[0] == 0 or rows.shape[1] != len(header):
         raise GridError(
             f"{path}: {rows.shape[0]} rows of {rows.shape[1]} numbers under {len(header)} names"
@@ -135,7 +138,7 @@ def _read_csv(path: Path, layout: Layout) -> _Raw:
     names = [layout.x, *([layout.y] if layout.y else []), layout.z]
     places = [_named(path, columns, name, "column") for name in names]
     for name, place in zip(names, places, strict=True):
-        _finite(path, f"column {name!r}", place, "line", first=2)
+        _finite(path, f"column {name!r}", place, "line", lines)
     axes, index = [], []
     for place in places:
         axis, nodes = _distinct(place)
@@ -150,8 +153,9 @@ def _read_csv(path: Path, layout: Layout) -> _Raw:
     if (count > 1).any():
         row = int(np.flatnonzero(count[flat] > 1)[1])
         raise GridError(
-            f"{path}: {int((count > 1).sum())} places occur more than once, e.g. in line {row + 2}:"
-            f" {_where(names, [place[row] for place in places])}; keep one row a place"
+            f"{path}: {int((count > 1).sum())} places occur more than once, e.g. in line"
+            f" {lines[row]}: {_where(names, [place[row] for place in places])}; keep one row a"
+            " place"
         )
     if (count == 0).any():
         hole = np.unravel_index(int(np.flatnonzero(count == 0)[0]), shape)
@@ -164,7 +168,7 @@ def _read_csv(path: Path, layout: Layout) -> _Raw:
 
     def nodes_of(name: str) -> FloatArray:
         values = _named(path, columns, name, "column")
-        _finite(path, f"column {name!r}", values, "line", first=2)
+        _finite(path, f"column {name!r}", values, "line", lines)
         result = np.empty(count.size)
         result[flat] = values
         return result.reshape(shape)
@@ -177,6 +181,24 @@ def _read_csv(path: Path, layout: Layout) -> _Raw:
         w=nodes_of(layout.w),
         hole=np.zeros(shape, dtype=bool),
     )
+
+
+def _uncommented(line: str) -> str:
+    return line.partition("#")[0].strip()
+
+
+def _first_bad(table: Mapping[int, str], header: list[str]) -> str:
+    """The first line that has no number for each name; "" if all have."""
+    for line, text in table.items():
+        fields = [field.strip() for field in text.split(",")]
+        if len(fields) != len(header):
+            return f"line {line} has {len(fields)} values under {len(header)} names"
+        for name, field in zip(header, fields, strict=True):
+            try:
+                float(field)
+            except ValueError:
+                return f"line {line}: {name} = {field!r}"
+    return ""
 
 
 def _read_npz(path: Path, layout: Layout) -> _Raw:
@@ -426,11 +448,14 @@ def _where(names: list[str], values: list[float]) -> str:
     return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
 
 
-def _finite(path: Path, what: str, values: FloatArray, place: str, first: int = 0) -> None:
+def _finite(
+    path: Path, what: str, values: FloatArray, place: str, lines: Sequence[int] | None = None
+) -> None:
+    """Errors: `GridError` naming the first place; lines: of the file, for each value of a row."""
     bad = ~np.isfinite(values)
     if bad.any():
-        at = np.argwhere(bad)[0] + first
-        where = int(at[0]) if len(at) == 1 else tuple(int(n) for n in at)
+        at = tuple(int(n) for n in np.argwhere(bad)[0])
+        where = at if len(at) > 1 else at[0] if lines is None else lines[at[0]]
         raise GridError(
             f"{path}: {what} is missing or not finite at {int(bad.sum())} of {bad.size} places,"
             f" first at {place} {where}; fill them, or write 0 there and pass zero_cells='solid'"

@@ -171,6 +171,7 @@ def _surroundings(
     wind: Any = None
     notes = []
     folder = Path() if named.site is None else named.site.parent
+    called = named.site
     source = air.of if isinstance(air, PolynomialAir) else air
     if named.site is None and named.field is None and isinstance(source, GridAir):
         notes.append(
@@ -180,13 +181,13 @@ def _surroundings(
         air = None
     if named.field is not None and named.field.suffix.lower() == ".toml":
         blown = load_site(named.field)
-        air, folder = blown.air, named.field.parent
+        air, folder, called = blown.air, named.field.parent, named.field
         if air is None:
             raise ConfigError(f"{named.field}: no [air] table, so there is no field in it")
     elif named.field is not None:
         wind, air = _grid(named.field), None
     if blown is not None and air is not None:
-        wind = site_field(blown, folder)
+        wind = site_field(blown, folder, called)
     return (
         Surroundings(
             site="" if site is None else site.site.name,

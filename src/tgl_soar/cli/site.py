@@ -83,7 +83,7 @@ def contour_(
     try:
         loaded, place = load_airframe(airframe), load_site(site)
         area = _bounds(bounds) if bounds else search_bounds(place)
-        text = contour_toml(loaded, place, site.parent, area)
+        text = contour_toml(loaded, place, site.parent, area, called=site)
     except (ConfigError, ZeucError, ValueError) as error:
         fail(error)
     if into is not None:
@@ -113,7 +113,7 @@ def misfit_(
     """Print how far a site's polynomial wind is from the air that it was fitted to."""
     try:
         place = load_site(site)
-        text = "" if place.air is None else wind_misfit_text(site_field(place, site.parent))
+        text = "" if place.air is None else wind_misfit_text(site_field(place, site.parent, site))
     except ConfigError as error:
         fail(error)
     if not text:
@@ -165,17 +165,23 @@ def _bounds(text: str) -> Bounds:
 
 
 def contour_toml(
-    airframe: Airframe, site: Site, folder: Path, bounds: Bounds, tolerance_m: float = TOLERANCE_M
+    airframe: Airframe,
+    site: Site,
+    folder: Path,
+    bounds: Bounds,
+    tolerance_m: float = TOLERANCE_M,
+    called: Path | None = None,
 ) -> str:
     """The `[contour]` table of a site file, whose folder its grids are in.
 
-    tolerance_m: how far a point that is left out may lie from what is left.
+    tolerance_m: how far a point that is left out may lie from what is left.  called: what errors
+    call the site file.
 
     Errors: `ConfigError`, `ZeucError`, ValueError for bounds that enclose nothing.
     """
     if site.air is None:
         raise ConfigError(f"site {site.site.name}: no [air] table, so there is no wind to map")
-    field = site_field(site, folder)
+    field = site_field(site, folder, called)
     if text := wind_misfit_text(field):
         hint(text)
     polar = airframe.polar.as_polar()

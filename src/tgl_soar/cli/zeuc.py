@@ -61,7 +61,7 @@ def zeuc(
         loaded, place, values = load_flight(airframe, site)
         if place.air is None:
             raise ConfigError(f"{site}: no [air] table, so there is no wind to map")
-        field = site_field(place, site.parent)
+        field = site_field(place, site.parent, site)
         limits = _numbers(bounds, 4, "--bounds") if bounds else search_bounds(place)
         area: Bounds = (limits[0], limits[1], limits[2], limits[3])
         lines = _lines(line, lean, place, values)

@@ -386,13 +386,18 @@ def _within(outline: Outline, x: float, z: float) -> bool:
 Air = JetAir | HillAir | GridAir | PolynomialAir
 
 
-def site_field(site: Site, folder: Path | None = None) -> WindField:
+def site_field(
+    site: Site, folder: Path | None = None, called: str | Path | None = None
+) -> WindField:
     """The wind field of a site, in its soaring frame; `folder` is that of the site file.
 
-    Errors: `ConfigError`.
+    called: what errors call that file, where it is known.  Errors: `ConfigError`.
     """
     assert site.air is not None
-    return build_field(site.air, folder, radians(site.site.oblique_deg()))
+    try:
+        return build_field(site.air, folder, radians(site.site.oblique_deg()))
+    except ConfigError as error:
+        raise ConfigError(f"{called or f'site {site.site.name}'}: {error}") from None
 
 
 def build_field(air: Air, folder: Path | None = None, oblique_rad: float = 0.0) -> WindField:
