@@ -21,6 +21,7 @@ from tgl_soar.analysis.tuning.tune import FlownRow, Judged
 from tgl_soar.cli import identify, log, log_layouts, rare, tune
 from tgl_soar.cli.app import app
 from tgl_soar.config.files import shipped
+from tgl_soar.control.supervisor_texts import REASON_TEXTS
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/tunnel.toml")
 NAN = float("nan")
@@ -192,6 +193,24 @@ def test_a_log_is_reported_topic_by_topic(
     made.topics = {"tick": {"timestamp": []}}
     code, output = run("log", "info", path)
     assert (code, "no row of any topic is in it" in output) == (2, True)
+
+
+def test_modes_and_reasons_are_listed_by_number_in_lines_that_can_be_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.ulg"
+    path.touch()
+    made = SimpleNamespace(
+        losses=[], info={"modes": "boot;standby", "reasons": ";".join(REASON_TEXTS)},
+        duration_s=0.0, changes=[], topics={"tick": {"timestamp": [0]}}, words=[],
+    )  # fmt: skip
+    monkeypatch.setattr(log, "read_log", lambda _path: made)
+    _, output = run("log", "info", path)
+    assert "modes, by number:\n    0 boot; 1 standby\nreasons, by number:\n    0 –; 1 " in output
+    reasons = output.partition("reasons, by number:\n")[2].partition("0.0 s,")[0]
+    assert max(map(len, reasons.splitlines())) <= 100
+    words = " ".join(reasons.split()).split("; ")
+    assert words == [f"{i} {text or '–'}" for i, text in enumerate(REASON_TEXTS)]
 
 
 # --- a rare loss -------------------------------------------------------------------------------

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import textwrap
 from cmath import phase
 from math import degrees, isfinite, log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.table import Table
@@ -51,7 +52,8 @@ def info(
     path = one_log(paths)
     log = read(path)
     for key, value in sorted(log.info.items()):
-        console.print(f"{key}: {value}", highlight=False, markup=False, soft_wrap=True)
+        text = _numbered(key, str(value)) if key in _NUMBERED else f"{key}: {value}"
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
     size = path.stat().st_size
     console.print(f"{log.duration_s:.1f} s, {size / 1e6:.2f} MB, {len(log.changes)} changes")
     table = Table("topic", "rows", "rate")
@@ -64,6 +66,18 @@ def info(
         console.print(f"{words.time_s:10.3f} s  {words.text}", highlight=False, markup=False)
     if log.losses:
         raise typer.Exit(1)
+
+
+_NUMBERED: Final = ("modes", "reasons")
+
+
+def _numbered(key: str, value: str) -> str:
+    """Words between semicolons, by the numbers that the log's columns have for them."""
+    words = [f"{i} {word or '–'}" for i, word in enumerate(value.split(";"))]
+    lines = textwrap.wrap(
+        "; ".join(words), max(40, min(console.width, 100)) - 4, break_on_hyphens=False
+    )
+    return "\n".join([f"{key}, by number:", *(f"    {line}" for line in lines)])
 
 
 @log_app.command()

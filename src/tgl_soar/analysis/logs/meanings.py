@@ -125,11 +125,60 @@ adding up an error that a real aircraft would have answered.*
 which logs were replayed by which source ([campaigns](campaigns.md#what-is-left)); `--resume` goes
 on where it was stopped.
 
-**Speed.** In plain Python a replay is some 15 times faster than the flight on each processor.
-`tgl-soar replay --compile` compiles the laws with numba, once for each version; from then on logs
-of more than 100 s are replayed several hundred times faster than they were flown. Where compiled
-laws differ from the log in one bit, the interpreted ones replay it again, and their verdict counts.
-The figures behind this are in [performance.md](performance.md).
+**Speed.** Each replay says how many times faster than the flight it was; in plain Python it is
+several times on each processor of a desk computer. `tgl-soar replay --compile` compiles the laws
+with numba, once for each version; from then on logs of more than 100 s are replayed several hundred
+times faster than they were flown. Where compiled laws differ from the log in one bit, the
+interpreted ones replay it again, and their verdict counts. The figures behind this, and of which
+computer they are, are in [performance.md](performance.md).
+
+## In pandas
+
+    tgl-soar log export out/sitl/logs --to csv --out out/csv
+
+writes a table for each topic that the flight has, with the columns listed below. Topics have rates
+of their own: a row of `tick` is a tick (200 a second), a row of a measurement is a sample that
+arrived (50 positions, 20 airspeeds a second). Join two by time, each row with the last one before:
+
+```python
+import pandas as pd
+
+tick = pd.read_csv("out/csv/tick.csv")
+position = pd.read_csv("out/csv/position.csv")
+both = pd.merge_asof(tick, position, on="timestamp", suffixes=("", "_fix"))
+print(both[["time_s", "vehicle_z_m", "time_s_fix", "down_m"]].tail())
+```
+
+`timestamp` is in microseconds, of the tick in which a row was logged; `time_s` of a measurement is
+when it was taken. Three tables are no measurements:
+
+- `parameters.csv`: every parameter by its name, as it stood at the start (`after_tick` 0), then
+  each change, and after which tick it was made. Read this one.
+- `parameter.csv`: the same changes as the topic [`parameter`](#parameter) has them, by number.
+- `words.csv`: what the operator was told, and when.
+
+The simulation writes what really happened into `out/sitl/truth.csv`, 50 rows a second. There
+`time_s` is on the autopilot's clock, which the module's `tick` has, too, unless the flight ran in
+real time or with a real firmware:
+
+```python
+truth = pd.read_csv("out/sitl/truth.csv")
+error = pd.merge_asof(tick, truth, on="time_s", direction="nearest")
+print((error["vehicle_x_m"] - error["x_m"]).abs().max())
+```
+
+| columns of `truth.csv` | meaning |
+|---|---|
+| `time_s` | the autopilot's clock |
+| `x_m`, `y_m`, `z_m` | place, soaring frame |
+| `velocity_x_mps`, `velocity_y_mps`, `climb_mps` | over the ground |
+| `roll_rad`, `pitch_rad`, `heading_rad` | heading: from straight upwind |
+| `wind_x_mps`, `wind_y_mps`, `updraft_mps` | of the air at the aircraft, turbulence included |
+| `airspeed_mps`, `alpha_rad` | through that air |
+| `elevator`, `aileron`, `rudder`, `brake`, `throttle` | where they stand, −1 … 1 or 0 … 1 |
+| `mode` | the autopilot's flight mode by number, not the module's |
+| `flying` | 0 before the release, and once it lies on the ground |
+| `overridden` | 1: the autopilot obeys the module's commands of the surfaces |
 
 ## Topics and fields
 
