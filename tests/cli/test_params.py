@@ -88,6 +88,70 @@ def test_gains_that_were_sought_are_named_as_such(tmp_path: Path) -> None:
     assert "gains of pitch: sought for this aircraft" in ran.output
 
 
+@pytest.mark.parametrize(
+    ("changes", "wrong"),
+    [
+        ((), []),
+        (
+            (("[lines]\n", "[lines]\nlow = { x_m = 0.2, z_m = 0.01 }\n"),),
+            ["{}: lines.low: x_m = 0.2, z_m = 0.01, lean_deg = 15: the line's point is outside the"
+             " fence (FENCE_Z_MIN is 0.15 m)"],
+        ),
+        (
+            (
+                ("[lines]\n", "[lines]\nfar = { x_m = 30, z_m = 1, lean_deg = 9 }\n"),
+                ("WPT_X = -5.5", "WPT_X = 40"),
+            ),
+            ["{}: lines.far: x_m = 30, z_m = 1, lean_deg = 9: the line's point is outside the"
+             " fence (FENCE_X_MAX is 2.25 m)",
+             "{}: parameters.WPT_X = 40: the virtual waypoint must be upwind of line a by"
+             " WPT_R_MIN: at most -2.8"],
+        ),
+        ((("WPT_X = -5.5", "WPT_X = -2.8"),), []),
+        (
+            (("WPT_X = -5.5", "WPT_X = -2.7"),),
+            ["{}: parameters.WPT_X = -2.7: the virtual waypoint must be upwind of line a by"
+             " WPT_R_MIN: at most -2.8"],
+        ),
+        (
+            (("TGL_Z = 1.15", "TGL_Z = 0.2"),),
+            ["{}: parameters.TGL_X = 0.2, TGL_Z = 0.2, TGL_LEAN = 15: the line's point is 0.1"],
+        ),
+        (
+            (("CLEAR_MIN = 0.30", "CLEAR_MIN = 1.0"),),
+            ["{}: lines.a: x_m = 0.2, z_m = 1.15, lean_deg = 15: the line's point is 0.98 m from"
+             " the ground (CLEAR_MIN is 1 m)"],
+        ),
+    ],
+)  # fmt: skip
+def test_a_line_that_no_aircraft_can_be_held_by_is_named_with_file_and_key(
+    changes: tuple[tuple[str, str], ...], wrong: list[str], tmp_path: Path
+) -> None:
+    site = tmp_path / "site.toml"
+    text = SITE.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    site.write_text(text, encoding="utf-8")
+    files = ["--airframe", str(AIRFRAME), "--site", str(site), "--state", str(tmp_path)]
+    ran = CliRunner().invoke(app, ["params", "show", *files], env={"COLUMNS": "400"})
+    assert ran.exit_code == (2 if wrong else 0), ran.output
+    assert "WPT_X" in ran.stdout  # the values all the same
+    for words in wrong:
+        assert words.format(site) in ran.stderr
+    assert ran.stderr.count("error: ") == len(wrong)
+
+
+def test_a_stored_line_is_named_with_the_file_that_it_is_stored_in(
+    command: Command, tmp_path: Path
+) -> None:
+    (tmp_path / "mine.parm").write_text("TGL_X 30\nTGL_Z 1\n")
+    command("import", "mine.parm", "--force")
+    output = command("show", code=2)
+    (stored,) = (tmp_path / "state").glob("*")
+    assert f"error: state/{stored.name}: parameters.TGL_X = 30, TGL_Z = 1, " in output
+
+
 def test_a_contour_of_another_airframe_is_named_with_the_way_out(tmp_path: Path) -> None:
     own = tmp_path / "own.toml"
     own.write_text(AIRFRAME.read_text().replace('"Eclipson Model C"', '"own"'))

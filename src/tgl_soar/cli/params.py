@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from enum import StrEnum
+from math import isclose
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -16,7 +17,7 @@ from tgl_soar.cli.params_page import page
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import ConfigError, gains_words, load_flight, preset_lines
 from tgl_soar.config.lateral_gains import airframe_parameters
-from tgl_soar.config.line_changes import Presets, with_changes
+from tgl_soar.config.line_changes import LINE, Presets, with_changes
 from tgl_soar.config.parameter_files import (
     Format,
     ParameterFileError,
@@ -171,7 +172,10 @@ def _done(text: str) -> None:
 
 @params_app.command("show")
 def show(airframe: AirframeOption, site: SiteOption, state: StateOption = None) -> None:
-    """List the values that a flight would begin with, and where each comes from."""
+    """List the values that a flight would begin with, and where each comes from.
+
+    Exit code 2: a file cannot be used, or no aircraft can be held by one of the lines.
+    """
     found = _begin(airframe, site, state)
     table = Table("name", "value", "unit", "from", box=None)
     for p, value in found.values:
@@ -188,6 +192,47 @@ def show(airframe: AirframeOption, site: SiteOption, state: StateOption = None) 
     is_there = bool(found.kept) or found.store.path.exists()
     words = "stored in" if is_there else "nothing is stored in"
     console.print(f"{words} {found.store.path}", highlight=False, soft_wrap=True)
+    faults = line_faults(found, airframe, site)
+    for fault in faults[:-1]:
+        errors.print(f"error: {fault}", style="red", highlight=False, markup=False, soft_wrap=True)
+    if faults:
+        fail(faults[-1])
+
+
+def line_faults(found: Beginning, airframe_path: Path, site_path: Path) -> list[str]:
+    """What is wrong with the lines: no aircraft can be held by one, or the nose would not point
+    upwind there.  Of each the file, the key and its value."""
+    values, bounds = found.values, found.bounds
+    files = {"stored": found.store.path, "airframe": airframe_path}
+
+    def file_of(name: str) -> Path:
+        return files.get(found.origin(name), site_path)
+
+    faults = []
+    lines = [(f"line {p.name}", p.x_m) for p in found.presets]
+    for preset in found.presets:
+        for words in bounds.preset_faults(values, (preset,)):
+            words = words.removeprefix(f"line {preset.name}: ")
+            place = f"x_m = {preset.x_m:g}, z_m = {preset.z_m:g}, lean_deg = {preset.lean_deg:g}"
+            faults.append(f"{site_path}: lines.{preset.name}: {place}: {words}")
+    at = {name: values[name] for name in LINE}
+    known = [p.parameters() for p in found.presets]
+    is_known = any(all(isclose(at[n], line[n], abs_tol=1e-5) for n in LINE) for line in known)
+    given = any(found.origin(name) != "default" for name in ("TGL_X", "TGL_Z"))
+    if given and not is_known:
+        lines.append(("the line of TGL_X", at["TGL_X"]))
+        if words := bounds.fault(values):
+            place = ", ".join(f"{name} = {value:g}" for name, value in at.items())
+            faults.append(f"{file_of('TGL_X')}: parameters.{place}: {words}")
+    if lines:
+        name, x_m = min(lines, key=lambda line: line[1])
+        most_m = x_m - values["WPT_R_MIN"]
+        if values["WPT_X"] > most_m + 1e-4:  # parameters are floats of 32 bits
+            faults.append(
+                f"{file_of('WPT_X')}: parameters.WPT_X = {values['WPT_X']:g}: the virtual waypoint"
+                f" must be upwind of {name} by WPT_R_MIN: at most {most_m:g}"
+            )
+    return faults
 
 
 @params_app.command("diff")
