@@ -27,6 +27,7 @@ class Made(SimpleNamespace):
 def made(**changes: Any) -> Made:
     given: dict[str, Any] = {
         "steepest_deg": 31.4,
+        "wind_from_deg": -70.0,
         "field": SimpleNamespace(reference_wind_mps=8.25),
         "ground": SimpleNamespace(points=[(0.0, 0.0)] * 7, above_m=1.26),
     }
@@ -123,8 +124,8 @@ def test_what_was_found_is_reported_and_what_is_guessed(
     assert done.stdout.splitlines() == [
         str(tmp_path / "site.toml"),
         str(tmp_path / "air.npz"),
-        "a slope of 31° at its steepest, wind from 8.25 m/s; [ground] in 7 points, at most 1.3 m"
-        " above the model's",
+        "a slope of 31° at its steepest, in a wind of 8.25 m/s from 290°; [ground] in 7 points, at"
+        " most 1.3 m above the model's",
         "level before the slope: 46.50123, 7.49876; inspect it on the spot",
         "wind and contour are guessed by potential flow: correct them from flights",
     ]

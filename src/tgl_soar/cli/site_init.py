@@ -147,9 +147,10 @@ def _tell(made: SiteDraft) -> None:
     """What was found, and what of it is a guess."""
     place = landing_place(made)
     say(
-        f"a slope of {made.steepest_deg:.0f}° at its steepest, wind from"
-        f" {made.field.reference_wind_mps:g} m/s; [ground] in {len(made.ground.points)} points,"
-        f" at most {made.ground.above_m:.1f} m above the model's"
+        f"a slope of {made.steepest_deg:.0f}° at its steepest, in a wind of"
+        f" {made.field.reference_wind_mps:g} m/s from {made.wind_from_deg % 360.0:.0f}°; [ground]"
+        f" in {len(made.ground.points)} points, at most {made.ground.above_m:.1f} m above the"
+        " model's"
     )
     if place is None:
         say("no level place to land before the slope within the profile: look for one on the spot")

@@ -107,12 +107,29 @@ def test_a_site_without_a_landing_place_shows_none(kept: list[Any]) -> None:
     assert "level, to land" not in curves(drawn_map(kept, landing=None))
 
 
-def test_the_wind_blows_from_its_direction_towards_the_crest(kept: list[Any]) -> None:
-    """From nine tenths of what is shown to 0.65 of it; 20 degrees to the right of straight."""
+@pytest.mark.parametrize("oblique_deg", [-45.0, -10.0, 0.0, 20.0, 45.0])
+def test_the_winds_arrow_lies_on_the_map_and_on_no_place_of_the_profile(
+    kept: list[Any], oblique_deg: float
+) -> None:
+    axes = drawn_map(kept, oblique_deg=oblique_deg)
+    (arrow,) = (text for text in axes.texts if getattr(text, "arrow_patch", None))
+    ahead, right = radians(250.0), radians(340.0)
+    for east, north in (arrow.xy, arrow.xyann):
+        assert abs(east - ORIGIN[1]) < REACH_M
+        assert abs(north - ORIGIN[0]) < REACH_M
+        off = (east - ORIGIN[1]) * sin(right) + (north - ORIGIN[0]) * cos(right)
+        assert abs(off) > 0.3 * REACH_M
+        upwind = (east - ORIGIN[1]) * sin(ahead) + (north - ORIGIN[0]) * cos(ahead)
+        assert upwind > 0.5 * REACH_M
+
+
+def test_the_wind_blows_from_its_direction(kept: list[Any]) -> None:
+    """A quarter of what is shown downstream; 20 degrees to the right of straight."""
     axes = drawn_map(kept)
     (arrow,) = (text for text in axes.texts if getattr(text, "arrow_patch", None))
     beside = tan(radians(20.0))
-    tail, head = (on_map(-f * REACH_M, f * REACH_M * beside) for f in (0.9, 0.65))
+    tail = on_map(-0.825 * REACH_M, (-0.5 + 0.125 * beside) * REACH_M)
+    head = on_map(-0.575 * REACH_M, (-0.5 - 0.125 * beside) * REACH_M)
     assert arrow.xy == pytest.approx(head)
     assert arrow.xyann == pytest.approx(tail)
     # From 270 degrees: it goes east.
@@ -180,6 +197,26 @@ def test_the_plane_shows_fence_ground_lines_and_the_guess(kept: list[Any]) -> No
         assert drawn.get_color() == PALETTE[i]
     dots = [line.get_xydata()[0].tolist() for line in axes.lines if line.get_marker() == "o"]
     assert dots == [list(place) for place in LINES.values()]
+
+
+def test_where_the_wind_is_outside_the_polar_the_plane_is_hatched(kept: list[Any]) -> None:
+    """Plain grey looks like an excess of 0.  Here the wind is 10 m/s, and above z = 40 only 8."""
+    x, z = np.linspace(-120.0, 20.0, 29), np.linspace(-50.0, 80.0, 27)
+    u = np.where(np.meshgrid(x, z, indexing="ij")[1] > 40.0, 8.0, 10.0)
+    field = GridField(x, None, z, u, None, np.full_like(u, 1.3), reference_wind_mps=10.0)
+    for slowest, is_hatched in ((7.9, False), (9.0, True)):
+        polar = POLAR._replace(speed_min_mps=slowest)
+        still = site(field=field, oblique_deg=0.0)
+        terrain_figure.plane_figure(Path("plane.svg"), still, polar, "a slope")
+        axes = kept[-1].axes[0]
+        words = [text.get_text() for legend in kept[-1].legends for text in legend.get_texts()]
+        assert ("outside polar or field" in words) == is_hatched
+        hatched = [each for each in axes.collections if any(getattr(each, "hatches", [None]))]
+        assert len(hatched) == is_hatched
+        for each in hatched:
+            (path,) = each.get_paths()
+            assert path.contains_point((-60.0, 55.0))
+            assert not path.contains_point((-60.0, 25.0))
 
 
 def test_the_ground_in_the_plane_goes_on_beyond_the_fence_and_down_out_of_the_picture(

@@ -10,7 +10,12 @@ import numpy as np
 from tgl_soar.air.field import FloatArray
 from tgl_soar.air.wind_record import oblique_field
 from tgl_soar.analysis.report.figure_style import GROUND, PALETTE, drawing, save
-from tgl_soar.analysis.report.zeuc_figure import DrawnLine, draw_excess_map, draw_line
+from tgl_soar.analysis.report.zeuc_figure import (
+    DrawnLine,
+    draw_excess_map,
+    draw_line,
+    draw_undefined,
+)
 from tgl_soar.analysis.terrain.draft import LEAN_DEG, SiteDraft
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.geometry import ned_from_soaring
@@ -50,10 +55,12 @@ def map_figure(path: Path, draft: SiteDraft, title: str) -> None:
         box = _on_map(draft, [x0, x1, x1, x0, x0], [-y, -y, y, y, -y])
         axes.plot(*box, color=PALETTE[0], lw=1.6, label="fence")
         beside = tan(radians(draft.oblique_deg))  # y of where the wind comes from, for each -x
+        # Aside of the profile, on which places and lines are.
+        aside = -0.5 if draft.oblique_deg >= 0.0 else 0.5
         wind = _on_map(
             draft,
-            [-0.9 * reach, -0.65 * reach],
-            [0.9 * reach * beside, 0.65 * reach * beside],
+            [-0.825 * reach, -0.575 * reach],
+            [(aside + 0.125 * beside) * reach, (aside - 0.125 * beside) * reach],
         )
         arrow = {"width": 4, "headwidth": 12, "color": PALETTE[1]}
         (tail_east, head_east), (tail_north, head_north) = wind
@@ -98,10 +105,12 @@ def plane_figure(path: Path, draft: SiteDraft, polar: GlidePolar, title: str) ->
     with drawing() as plt:
         figure, axes = plt.subplots(figsize=(8.0, 6.0), layout="constrained")
         area = (x0 - pad, x1 + pad, z0 - pad, z1 + pad)
+        field = oblique_field(draft.field, radians(draft.oblique_deg))
         shades = draw_excess_map(
-            axes, oblique_field(draft.field, radians(draft.oblique_deg)), polar, area, outline,
+            axes, field, polar, area, outline,
             contour_style={"label": "contour, A GUESS by potential flow"},
         )  # fmt: skip
+        undefined = draw_undefined(axes, field, polar, area)
         figure.colorbar(shades, ax=axes, label="excess updraft w − sink(u) [m/s]", shrink=0.8)
         for i, (name, (line_x, line_z)) in enumerate(draft.lines.items()):
             eta = eta_from_lean(radians(LEAN_DEG))
@@ -114,6 +123,7 @@ def plane_figure(path: Path, draft: SiteDraft, polar: GlidePolar, title: str) ->
         axes.plot([p[0] for p in draft.ground.points], [p[1] for p in draft.ground.points], ".-",
                   color="black", zorder=6, label="[ground], highest of the strip")  # fmt: skip
         axes.set_title(f"{title}, wind {draft.wind_mps:g} m/s")
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3,
+        handles, _ = axes.get_legend_handles_labels()
+        figure.legend(handles=[*handles, *undefined], loc="outside lower center", ncols=3,
                       frameon=False)  # fmt: skip
         save(plt, figure, path)

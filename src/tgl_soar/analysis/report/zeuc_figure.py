@@ -19,6 +19,8 @@ from tgl_soar.types import GlidePolar
 Floats = NDArray[np.float64]
 Outline = list[tuple[float, float]]
 LEVEL_MPS = 0.25  # between two shades
+HATCH = "////"
+UNDEFINED = "outside polar or field"
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,24 @@ def draw_excess_map(
     return shades
 
 
+def draw_undefined(axes: Any, field: WindField, polar: GlidePolar, bounds: Bounds) -> list[Any]:
+    """Hatch where excess updraft is not defined: plain grey looks like an excess of 0.
+
+    Returns what the legend shows of it: nothing where it is defined everywhere.
+    """
+    from matplotlib.patches import Patch
+
+    x, z = np.linspace(bounds[0], bounds[1], 240), np.linspace(bounds[2], bounds[3], 180)
+    unknown = ~np.isfinite(excess_updraft(field, polar, *np.meshgrid(x, z)))
+    if not unknown.any():
+        return []
+    hatched = axes.contourf(
+        x, z, unknown.astype(float), levels=[0.5, 1.5], colors="none", hatches=[HATCH], zorder=2
+    )
+    hatched.set(edgecolor="0.6", linewidth=0.0)
+    return [Patch(facecolor="0.93", edgecolor="0.6", lw=0.6, hatch=HATCH, label=UNDEFINED)]
+
+
 def draw_line(axes: Any, line: DrawnLine, colour: str, reach_m: float, label: str | None) -> None:
     """A line through its point, filled circles at its stable crossings, open at the others."""
     reach = np.array([-reach_m, reach_m])
@@ -129,7 +149,7 @@ def zeuc_figure(
         if core is not None:
             axes.plot(*core, "*", ms=13, mfc="white", mec="black", zorder=7, label="core")
         axes.plot([], [], "o", ms=7, mfc="0.4", mec="black", label="TGL ∩ ZEUC, stable")
-        axes.fill([], [], color="0.93", ec="0.6", lw=0.6, label="outside polar or field")
+        axes.fill([], [], color="0.93", ec="0.6", lw=0.6, label=UNDEFINED)
         axes.set_title(title)
         figure.legend(
             *axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
