@@ -82,6 +82,8 @@ def identify_command(
     log = one_log(logs)
     try:
         flight = read_flight(log)
+        for text in flight.lost:
+            errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
         plane, before, called = airframe_of(flight, airframe, log)
     except (LogError, ConfigError, ImportError) as error:
         fail(error)
@@ -91,8 +93,6 @@ def identify_command(
         fail(f"{called}: {error}")
     try:
         flight = steered(flight, plane.surfaces)
-        for text in flight.lost:
-            errors.print(f"lost: {text}", style="yellow", highlight=False, markup=False)
         air = MeanWind(wind, radians(wind_from))
         columns = longitudinal(flight, air)
         with Progress(
