@@ -12,7 +12,6 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -325,16 +324,16 @@ def test_a_full_disk_leaves_nothing_behind(
         begun(folder)
     before = tree(tmp_path)
     left = [after]
-    write = Path.write_text
+    write = Path.write_bytes
 
-    def full(path: Path, text: str, **options: Any) -> int:
+    def full(path: Path, data: bytes) -> int:
         if not left[0]:
-            write(path, text[: len(text) // 2])
+            write(path, data[: len(data) // 2])
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
         left[0] -= 1
-        return write(path, text, **options)
+        return write(path, data)
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     reported = begun(folder, "--force", code=2)
     assert "No space left on device" in reported
     monkeypatch.undo()
