@@ -13,17 +13,18 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from tgl_soar.cli import sitl as module
+from tgl_soar.cli import sitl_table
 from tgl_soar.cli.app import app
 from tgl_soar.cli.sitl import (
     SitlAutopilot,
     _mocap_settings,
     _numbers,
-    _progress,
-    _show,
     newest_log,
 )
+from tgl_soar.cli.sitl_table import progress_of, show_flight
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.score import LegScore
+from tgl_soar.sim.sitl_landing import Landing
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
 CLEARED = {"TGL_SOAR_PX4": "", "TGL_SOAR_ARDUPLANE": "", "COLUMNS": "200"}
@@ -37,11 +38,11 @@ def flown(monkeypatch: pytest.MonkeyPatch) -> list[SitlOptions]:
 
     def fly(options: SitlOptions) -> Any:
         asked.append(options)
-        return SimpleNamespace(scores=[], flown=[])
+        return SimpleNamespace(scores=[], flown=[], landing=None)
 
     monkeypatch.setattr(module, "_fly", fly)
     monkeypatch.setattr(module, "_say_what_flies", lambda _options: None)
-    monkeypatch.setattr(module, "_show", lambda _options, _flight: None)
+    monkeypatch.setattr(module, "show_flight", lambda _options, _flight: None)
     monkeypatch.setattr(module, "_write_pages", lambda *_given, **_named: None)
     return asked
 
@@ -174,16 +175,24 @@ def test_a_leg_that_did_not_settle_is_an_exit_code(
 ) -> None:
     assert flown == []
     ended = SimpleNamespace(
-        scores=[SimpleNamespace(settled=False)], flown=[SimpleNamespace(by_hand=False)]
+        scores=[SimpleNamespace(settled=False)],
+        flown=[SimpleNamespace(by_hand=False, broken_off=False)],
+        landing=None,
     )
     monkeypatch.setattr(module, "_fly", lambda _options: ended)
     shown: list[Any] = []
-    monkeypatch.setattr(module, "_show", lambda _options, flight: shown.append(flight))
+    monkeypatch.setattr(module, "show_flight", lambda _options, flight: shown.append(flight))
     code, output = run()
     assert (code, "a leg did not settle" in output) == (1, True)
     assert shown == [ended]
     ended.flown[0].by_hand = True
     assert run() == (0, "")
+    ended.landing = Landing(time_s=30.0, along_m=4.7, across_m=0.4, sink_mps=0.7)
+    assert run() == (0, "")
+    ended.landing = Landing(time_s=30.0, along_m=-12.0, across_m=0.4, sink_mps=0.7)
+    code, output = run()
+    assert code == 1
+    assert "error: landed 12.0 m short of the place, 0.4 m across, sink 0.70 m/s; 10 m" in output
 
 
 def test_the_faults_are_listed_and_nothing_flies(flown: list[SitlOptions]) -> None:
@@ -250,7 +259,7 @@ def score(name: str, **more: float) -> LegScore:
 def test_the_legs_are_shown_in_centimetres(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "console", Console(width=200))
+    monkeypatch.setattr(sitl_table, "console", Console(width=200))
     scores = [
         score("a"),
         score("b", settling_s=float("inf"), crossing_m=NAN),
@@ -258,12 +267,15 @@ def test_the_legs_are_shown_in_centimetres(
     ]
     flight: Any = SimpleNamespace(
         scores=scores,
-        flown=[SimpleNamespace(by_hand=by_hand) for by_hand in (False, False, True)],
+        flown=[
+            SimpleNamespace(by_hand=by_hand, broken_off=False) for by_hand in (False, False, True)
+        ],
+        landing=None,
         notes=("a note [of brackets]",),
         truth={"time_s": [0.0, 30.0, 61.6]},
         wall_s=12.4,
     )
-    _show(SitlOptions(Path("a"), Path("s"), Path("here")), flight)
+    show_flight(SitlOptions(Path("a"), Path("s"), Path("here")), flight)
     output = capsys.readouterr().out
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in output.splitlines()]
     rows = [row for row in rows if row and row[0] in ("a", "b", "c")]
@@ -287,11 +299,11 @@ def test_a_line_of_progress(values: dict[str, float], cells: list[str]) -> None:
         telemetry=SimpleNamespace(values=values, time_s=12.34),
         flown=[SimpleNamespace(leg=SimpleNamespace(name=name)) for name in "ab"],
     )
-    table = _progress(operator)
+    table = progress_of(operator)
     shown = [next(iter(column.cells)) for column in table.columns]
     assert shown == ["12.3 s", "b", *cells]
     operator.flown = []
-    assert list(_progress(operator).columns[1].cells) == ["–"]
+    assert list(progress_of(operator).columns[1].cells) == ["–"]
 
 
 def test_without_a_log_there_is_no_newest(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import as_wire_value
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING
 from tgl_soar.sim import operator as module
 from tgl_soar.sim.operator import FlownLeg, LastTelemetry, Operator, OperatorError, PlannedLeg
 
@@ -89,7 +90,7 @@ def test_how_long_it_waits_for_what() -> None:
     assert (module.RETRY_S, module.GIVE_UP_S, module.LOOK_S) == (0.5, 10.0, 1.0)
     assert (module.LEG_TIMEOUT_S, module.HOME_TIMEOUT_S) == (40.0, 180.0)
     assert (module.SEARCH_TIMEOUT_S, module.WORDS_S, module.READY_S) == (120.0, 0.5, 60.0)
-    assert (module.READY, module.SOARING) == (2.0, 4.0)
+    assert (module.READY, module.HOMEWARD) == (2.0, (BREAKING_OFF, LANDING))
     assert (module.FOUND, module.OVER) == (2.0, (0.0, 4.0))
     assert module.LINE == {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
     assert module.HICCUPS == ("attitude lost", "position lost", "autopilot silent")
@@ -419,7 +420,12 @@ def test_after_the_last_leg_it_breaks_off_and_is_done_on_the_ground() -> None:
     wire.settle(184.0)
     wire.has(OP_ENGAGE=0.0)
     wire.settle(184.0)
+    assert not wire.operator.done  # its words may come after it
+    wire.say(wire.of_module.statustext_encode(3, b"released: on the ground"))
+    wire.settle(184.0)
     assert wire.operator.done
+    assert wire.operator.broke_off
+    assert not wire.operator.flown[0].broken_off
     late = Wire([LEG], goes_home=True)
     late.engaged()
     late.stands(2.0)
@@ -427,6 +433,97 @@ def test_after_the_last_leg_it_breaks_off_and_is_done_on_the_ground() -> None:
     late.shows(184.1, soar_x=0.0)
     with pytest.raises(OperatorError, match="not down within 180 s of breaking off: nothing"):
         late.settle(184.1)
+
+
+def on_its_way_home(stood: bool = True, **options: Any) -> Wire:
+    """Another station has set ESC_START at 3 s, a second after the line stood."""
+    wire = Wire([LEG, LEG], **options)
+    wire.engaged()
+    if stood:
+        wire.stands(2.0)
+    wire.shows(3.0, soar_mode=BREAKING_OFF)
+    wire.settle(3.0)
+    return wire
+
+
+@pytest.mark.parametrize(("stood", "stopped_s"), [(True, 2.0), (False, 1.0)])
+@pytest.mark.parametrize("again", [0, 3])
+def test_a_leg_from_which_the_module_breaks_off_ends_and_the_landing_ends_the_flight(
+    stood: bool, stopped_s: float, again: int
+) -> None:
+    """No other leg begins, and nothing is engaged again."""
+    wire = on_its_way_home(stood, again=again)
+    wire.shows(20.0, soar_mode=LANDING)
+    wire.settle(20.0)
+    released(wire, 30.0, "on the ground")
+    operator = wire.operator
+    assert (operator.done, operator.broke_off, operator.hiccups) == (True, True, [])
+    assert wire.names().count("OP_ENGAGE") == 1
+    (leg,) = operator.flown
+    assert (leg.broken_off, leg.stopped_s, leg.ended_s) == (True, stopped_s, 3.0)
+
+
+def test_a_leg_whose_aircraft_is_called_back_goes_on() -> None:
+    wire = on_its_way_home()
+    wire.shows(5.0, soar_mode=3.0)
+    wire.settle(5.0)
+    assert not wire.operator.broke_off
+    assert not wire.operator.flown[0].broken_off
+    wire.stands(6.0)
+    wire.stands(8.0)
+    assert wire.operator.flown[0].ended_s == 8.0
+    assert len(wire.operator.flown) == 2
+
+
+def test_a_fault_on_the_way_home_is_no_landing() -> None:
+    wire = on_its_way_home()
+    released(wire, 10.0, "outside the fence")
+    wire.shows(10.4, soar_x=0.0)
+    wire.settle(10.4)
+    wire.shows(10.5, soar_x=0.0)
+    with pytest.raises(OperatorError, match="disengaged by itself: released: outside the fence"):
+        wire.settle(10.5)
+
+
+def test_where_its_words_are_lost_the_flight_is_over_all_the_same() -> None:
+    wire = on_its_way_home()
+    wire.shows(10.0, soar_x=0.0)
+    wire.has(OP_ENGAGE=0.0)
+    wire.settle(10.0)
+    assert not wire.operator.done
+    wire.shows(10.5, soar_x=0.0)
+    wire.settle(10.5)
+    assert wire.operator.done
+
+
+def test_where_a_release_is_to_be_seen_a_break_off_ends_no_leg() -> None:
+    wire = on_its_way_home(watch_s=1.0)
+    assert wire.stage == "stay"
+    assert not wire.operator.broke_off
+
+
+@pytest.mark.parametrize(
+    ("why", "is_of_machine"),
+    [("attitude lost", True), ("autopilot silent", True), ("on the ground", False)],
+)
+def test_only_what_a_busy_machine_may_do_is_laid_to_it(why: str, is_of_machine: bool) -> None:
+    wire = Wire([LEG])
+    wire.engaged()
+    with pytest.raises(OperatorError) as raised:
+        released(wire, 2.0, why)
+    assert raised.value.is_of_machine == is_of_machine
+
+
+@pytest.mark.parametrize("says", ["TGL_Z: outside the fence", ""])
+def test_a_set_that_is_refused_is_not_laid_to_the_machine(says: str) -> None:
+    wire = Wire([PlannedLeg("a", {"TGL_Z": 1.5}, stay_s=2.0)])
+    wire.confirms = False
+    wire.engaged()
+    wire.say(wire.of_module.statustext_encode(3, says.encode()))
+    wire.step(1.5)
+    with pytest.raises(OperatorError, match="was not confirmed") as raised:
+        wire.step(11.6)
+    assert raised.value.is_of_machine == (not says)
 
 
 # --- a module that disengages ---------------------------------------------------------------------

@@ -233,18 +233,19 @@ def test_a_halls_poses_go_from_the_bridge_to_the_module(tmp_path: Path) -> None:
     assert value(bridge, "--mocap-local") == value(module, "--mocap-server")
 
 
+@pytest.mark.parametrize("is_of_machine", [True, False])
 @pytest.mark.parametrize("realtime", [True, False])
-def test_an_operator_who_gives_up_ends_all_with_a_hint_in_real_time(
-    tmp_path: Path, realtime: bool
+def test_an_operator_who_gives_up_ends_all_with_a_hint_in_real_time_where_it_may_help(
+    tmp_path: Path, realtime: bool, is_of_machine: bool
 ) -> None:
     def gives_up() -> bool:
-        raise OperatorError("no answer")
+        raise OperatorError("no answer", is_of_machine=is_of_machine)
 
     processes, _, error = flown_by(options(tmp_path, realtime=realtime), gives_up)
     assert processes.stopped == 1
     assert error is not None
     assert str(error).startswith("no answer\n")
-    assert ("may be too busy for real time" in str(error)) == realtime
+    assert ("may be too busy for real time" in str(error)) == (realtime and is_of_machine)
 
 
 class Running:
@@ -362,6 +363,52 @@ def test_each_leg_is_scored_at_its_own_line_and_place(
     assert (search["stood_s"], a["stood_s"]) == ([10.0, 30.0], [11.0, 31.0])
     assert a["predicted"] == pytest.approx([place.x_m, place.z_m])
     assert a["name"] == "a"
+
+
+def went_home(operator: Operator, legs: list[FlownLeg]) -> list[FlownLeg]:
+    operator._homeward_s = 40.0
+    return legs
+
+
+FELL = "time_s,x_m,z_m,y_m,roll_rad,flying,climb_mps"
+
+
+@pytest.mark.parametrize(
+    ("x_m", "climb_mps", "is_well"),
+    [(-32.7, -0.7, True), (-38.1, -0.7, False), (-32.7, -1.6, False)],
+)
+def test_a_flight_that_ends_at_the_landing_place_is_as_good_as_its_landing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, x_m: float, climb_mps: float, is_well: bool
+) -> None:
+    """The leg from which it broke off was over too early to be held; the place is at x -28 m."""
+    chosen = options(tmp_path, site=shipped("sites/hill.toml"), legs=("a",))
+
+    def flown(_options: object, truth: Path, operator: Operator, *_: object) -> None:
+        leg = stood(operator, 0, broken_off=True, found={"TGL_X": 9, "TGL_Z": 1, "TGL_LEAN": 0})
+        operator.flown = went_home(operator, [leg])
+        rows = [f"{0.1 * i:.1f},0.5,1.2,0,0,1,{climb_mps}" for i in range(500)]
+        rows += [f"{0.1 * i:.1f},{x_m},0,0.4,0,0,0" for i in range(500, 520)]
+        truth.write_text("\n".join([FELL, *rows]) + "\n")
+        (chosen.out / "bridge.log").write_text("")
+
+    monkeypatch.setattr(sitl, "_fly", flown)
+    flight = fly(chosen, lambda _: None)
+    assert flight.landing is not None
+    assert flight.landing.along_m == pytest.approx(-28.0 - x_m)
+    assert (flight.landing.is_well, passed(flight)) == (is_well, is_well)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["landing"]["sink_mps"] == -climb_mps
+    assert (summary["landing"]["well"], summary["passed"]) == (is_well, is_well)
+    assert summary["legs"][0]["broken_off"]
+
+
+def test_a_search_that_was_broken_off_before_it_found_a_line_has_no_score(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flight, _ = flight_of(
+        options(tmp_path, search=True), monkeypatch, lambda o: [stood(o, 0, broken_off=True)]
+    )
+    assert flight.scores == []
 
 
 @pytest.mark.parametrize("by_hand", [True, False])

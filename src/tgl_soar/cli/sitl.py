@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.live import Live
-from rich.table import Table
 
 from tgl_soar.analysis.logs.ulog_reader import LogError
-from tgl_soar.autopilot import mode_name
 from tgl_soar.cli.console import (
     AIRFRAME,
     AIRFRAME_FILE,
@@ -28,6 +27,7 @@ from tgl_soar.cli.console import (
     say,
 )
 from tgl_soar.cli.report import Named, write
+from tgl_soar.cli.sitl_table import progress_of, show_flight
 from tgl_soar.config.airframe import MODEL_OPTIONS
 from tgl_soar.config.files import (
     ConfigError,
@@ -258,8 +258,10 @@ def sitl(
     if page:
         _host(options, page_port)
     flight = _fly(options)
-    _show(options, flight)
+    show_flight(options, flight)
     _write_pages(options, flight, report=report)
+    if flight.landing is not None and (fault := flight.landing.fault()):
+        fail(fault, 1)
     if not passed(flight):
         fail("a leg did not settle", 1)
 
@@ -354,7 +356,7 @@ def _fly(options: SitlOptions) -> SitlFlight:
         with Live(console=console, refresh_per_second=10, transient=True) as live:
 
             def progress(operator: Operator) -> None:
-                live.update(_progress(operator))
+                live.update(progress_of(operator))
 
             return fly(options, progress)
     except (SitlError, ConfigError) as error:
@@ -394,34 +396,6 @@ def _host(options: SitlOptions, port: int) -> NoReturn:
         raise typer.Exit from None
 
 
-def _show(options: SitlOptions, flight: SitlFlight) -> None:
-    """The scores of the legs, and what disturbed them."""
-    table = Table(
-        "leg",
-        "settled after",
-        "rms e_rho",
-        "peak e_rho",
-        "dispersion",
-        "mean to TGL ∩ ZEUC",
-        title="from the truth of the simulation",
-    )
-    for score, flown in zip(flight.scores, flight.flown, strict=True):
-        settled = f"{score.settling_s:.1f} s" if score.settled else "[red]not held[/red]"
-        table.add_row(
-            score.name,
-            "moved by hand" if flown.by_hand else settled,
-            f"{score.rms_e_rho_m * 100:.2f} cm",
-            f"{score.peak_e_rho_m * 100:.1f} cm",
-            f"{score.dispersion_m * 100:.1f} cm",
-            f"{score.crossing_m * 100:.1f} cm" if score.crossing_m == score.crossing_m else "–",
-        )
-    console.print(table)
-    for note in flight.notes:
-        console.print(note, style="yellow", markup=False, highlight=False, soft_wrap=True)
-    simulated = flight.truth["time_s"][-1]
-    say(f"{simulated:.0f} s of flight in {flight.wall_s:.0f} s; logs and figure in {options.out}/")
-
-
 def _write_pages(options: SitlOptions, flight: SitlFlight, *, report: bool) -> None:
     """The figure, and the report where it is asked for."""
     out = options.out
@@ -459,7 +433,8 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     site = load_site(options.site)
     assert site.air is not None  # it was flown in
     truth = flight.truth
-    flying = truth["time_s"] <= flight.flown[-1].ended_s
+    until_s = flight.flown[-1].ended_s if flight.landing is None else flight.landing.time_s
+    flying = truth["time_s"] <= (until_s if isfinite(until_s) else inf)
     columns = {name: truth[name][flying] for name in ("x_m", "y_m", "z_m")}
     legs = [
         ReportLeg(
@@ -505,27 +480,3 @@ def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
     task = task_of(laws_of(setup, values))
     if map_figure(path, glimpses, task, site, site_field(site, options.site.parent)):
         say(f"how its map grew: {path}")
-
-
-def _progress(operator: Operator) -> Table:
-    """One line of the flight as the ground station sees it."""
-    values = operator.telemetry.values
-    leg = operator.flown[-1].leg.name if operator.flown else "–"
-
-    def number(name: str, form: str, unit: str) -> str:
-        value = values.get(name)
-        return "–" if value is None else f"{value:{form}} {unit}"
-
-    mode = values.get("soar_mode")
-    table = Table("time", "leg", "mode", "e_rho", "x", "z", "updraft", "sink", box=None)
-    table.add_row(
-        f"{operator.telemetry.time_s:.1f} s",
-        leg,
-        "–" if mode is None or mode != mode else mode_name(int(mode)),
-        number("e_rho", "+.3f", "m"),
-        number("soar_x", ".2f", "m"),
-        number("soar_z", ".2f", "m"),
-        number("updraft", ".2f", "m/s"),
-        number("sink", ".2f", "m/s"),
-    )
-    return table

@@ -15,6 +15,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import as_wire_value
+from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, LANDING, SOARING
 
 RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
@@ -25,7 +26,9 @@ HOME_TIMEOUT_S = 180.0  # from breaking off to the ground
 SEARCH_TIMEOUT_S = 120.0  # for a search to find one
 WORDS_S = 0.5  # the reason of a release may come after it
 READY_S = 60.0  # a crashed aircraft lies for 10 s and is carried back to the start
-READY, SOARING = 2.0, 4.0  # of soar_mode
+READY = 2.0  # of soar_mode
+HOMEWARD = (BREAKING_OFF, LANDING)  # the same
+LANDED = "released: on the ground"
 FOUND = 2.0  # of SRCH_START
 OVER = (0.0, 4.0)  # the same
 LINE = {"TGL_X": "line_x", "TGL_Z": "line_z", "TGL_LEAN": "line_lean"}
@@ -35,6 +38,11 @@ HICCUPS = ("attitude lost", "position lost", "autopilot silent")
 
 class OperatorError(RuntimeError):
     """The flight cannot go on; the message says what was tried and what came back."""
+
+    def __init__(self, words: str, *, is_of_machine: bool = False) -> None:
+        """`is_of_machine`: where it flies by the clock, a machine that is too busy may be why."""
+        super().__init__(words)
+        self.is_of_machine = is_of_machine
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,7 @@ class FlownLeg:
     stopped_s: float = float("nan")  # the line stood still at its target
     ended_s: float = float("nan")
     by_hand: bool = False  # another ground station has moved the line meanwhile
+    broken_off: bool = False  # the module has left for the landing place before it was over
     # The line that a search has found, or that another ground station has moved it to.
     found: dict[str, float] = field(default_factory=dict)
     moved_s: float = float("-inf")  # when that was last seen to move
@@ -66,6 +75,35 @@ class FlownLeg:
         shown = {name: telemetry.values.get(key, float("nan")) for name, key in LINE.items()}
         if shown != self.found and all(isfinite(value) for value in shown.values()):
             self.found, self.moved_s = shown, telemetry.time_s
+
+    def is_moved_by_hand(self, telemetry: LastTelemetry) -> bool:
+        """Whether the line's parameters are no longer those that this leg set."""
+        if self.leg.searches:
+            self.by_hand = telemetry.parameters.get("SRCH_START") in OVER
+            return self.by_hand
+        self.by_hand = self.by_hand or any(
+            telemetry.parameters.get(name) != as_wire_value(value)
+            for name, value in self.leg.parameters.items()
+        )
+        return self.by_hand
+
+    def is_over(self, telemetry: LastTelemetry) -> bool:
+        """Whether the line has stood for as long as it is to, or the survey has ended."""
+        has_surveyed = self.leg.surveys and telemetry.parameters.get("SRV_START") == 0.0
+        return has_surveyed or telemetry.time_s - self.stopped_s >= self.leg.stay_s
+
+    def line_stands(self, telemetry: LastTelemetry, engaged_s: float) -> bool:
+        """Whether the line that is flown is the one that was asked for: before it is engaged the
+        module shows the target itself."""
+        if self.leg.searches:
+            found = telemetry.parameters.get("SRCH_START") == FOUND
+            return found and telemetry.shown("soar_mode") == SOARING
+        return all(
+            isclose(telemetry.shown(LINE[name]), value, abs_tol=1e-3)
+            and telemetry.stamps[LINE[name]] > engaged_s
+            for name, value in self.leg.parameters.items()
+            if name in LINE
+        )
 
 
 @dataclass
@@ -79,6 +117,39 @@ class LastTelemetry:
     parameters: dict[str, float] = field(default_factory=dict)
     module_alive: bool = False
     armed: bool = False
+
+    def take(self, kind: str, message: Any, *, of_module: bool) -> None:
+        """One message of the vehicle."""
+        if kind == "STATUSTEXT":
+            self._take_text(str(message.text), message.id, message.chunk_seq)
+        elif kind in ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"):
+            self.time_s = message.time_boot_ms * 1e-3
+        elif kind == "NAMED_VALUE_FLOAT":
+            self.time_s = message.time_boot_ms * 1e-3
+            name = message.name.rstrip("\0")
+            self.values[name], self.stamps[name] = message.value, self.time_s
+        elif of_module and kind == "HEARTBEAT":
+            self.module_alive = True
+        elif kind == "HEARTBEAT" and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            self.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
+        elif of_module and kind == "PARAM_VALUE":
+            self.parameters[message.param_id.rstrip("\0")] = message.param_value
+
+    def _take_text(self, text: str, number: int, chunk: int) -> None:
+        """A text, or one more piece of a long one."""
+        if number and chunk and self.texts:
+            self.texts[-1] += text
+        else:
+            self.texts.append(text)
+
+    def shown(self, name: str) -> float:
+        """The last value of a telemetry name; NaN where none has come."""
+        return self.values.get(name, float("nan"))
+
+    def reason(self, since: int = 0) -> str:
+        """The newest words of a release, of the texts from one on; "": there are none."""
+        texts = reversed(self.texts[since:])
+        return next((text for text in texts if text.startswith("released")), "")
 
     def words(self) -> str:
         """The newest texts."""
@@ -122,6 +193,7 @@ class Operator:
         self._watch_s = watch_s
         self._goes_home = goes_home
         self._homeward_s = float("nan")
+        self._texts_before = 0  # of those that were received before it broke off
         self._released_s = float("nan")
         self._target = (system, component)
         self._codec = mavlink.MAVLink(None, own_system, mavlink.MAV_COMP_ID_MISSIONPLANNER)
@@ -150,36 +222,10 @@ class Operator:
             if kind == "TIMESYNC":
                 if message.tc1 == 0:
                     self._pack(self._codec.timesync_encode(message.ts1, message.ts1))
-            elif kind == "STATUSTEXT":
-                self._take_text(str(message.text), message.id, message.chunk_seq)
             else:
-                self._from_vehicle(kind, message)
+                source = (message.get_srcSystem(), message.get_srcComponent())
+                self.telemetry.take(kind, message, of_module=source == self._target)
         return from_vehicle
-
-    def _take_text(self, text: str, number: int, chunk: int) -> None:
-        """A text, or one more piece of a long one."""
-        if number and chunk and self.telemetry.texts:
-            self.telemetry.texts[-1] += text
-        else:
-            self.telemetry.texts.append(text)
-
-    def _from_vehicle(self, kind: str, message: Any) -> None:
-        source = (message.get_srcSystem(), message.get_srcComponent())
-        if kind in ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"):
-            self.telemetry.time_s = message.time_boot_ms * 1e-3
-        elif kind == "NAMED_VALUE_FLOAT":
-            self.telemetry.time_s = message.time_boot_ms * 1e-3
-            name = message.name.rstrip("\0")
-            self.telemetry.values[name], self.telemetry.stamps[name] = (
-                message.value,
-                self.telemetry.time_s,
-            )
-        elif source == self._target and kind == "HEARTBEAT":
-            self.telemetry.module_alive = True
-        elif kind == "HEARTBEAT" and source[1] == mavlink.MAV_COMP_ID_AUTOPILOT1:
-            self.telemetry.armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED != 0
-        elif source == self._target and kind == "PARAM_VALUE":
-            self.telemetry.parameters[message.param_id.rstrip("\0")] = message.param_value
 
     # --- what to do -----------------------------------------------------------------------
     def step(self, now_s: float) -> list[bytes]:
@@ -217,8 +263,14 @@ class Operator:
             self._look_on()
         elif self._stage in ("released", "again"):
             self._recover()
+        elif self._stage == "home":
+            self._wait_for_landing()
+        elif self._stage == "down":
+            self._conclude_landing()
+        elif self._stage in ("move", "stay") and self._breaks_off():
+            self._break_off(self.flown[-1])
         elif self._stage == "wait":
-            known = self.telemetry.module_alive and isfinite(self._shown("soar_x"))
+            known = self.telemetry.module_alive and isfinite(self.telemetry.shown("soar_x"))
             may_begin = self.telemetry.armed or not self._when_armed
             known = known and may_begin
             if not may_begin and self.telemetry.time_s > ARM_TIMEOUT_S:
@@ -235,46 +287,98 @@ class Operator:
                 self._to_set = [("OP_ENGAGE", 1.0)]
             elif self._engaged_s != self._engaged_s:
                 self._engaged_s = self.telemetry.time_s  # it has been confirmed
-            elif self._line_stands(flown.leg) or self._moved_by_hand(flown):
+            elif self._line_stands(flown) or flown.is_moved_by_hand(self.telemetry):
                 flown.stopped_s = self.telemetry.time_s
                 if flown.leg.searches:
-                    flown.found = {name: self._shown(shown) for name, shown in LINE.items()}
+                    flown.found = {
+                        name: self.telemetry.shown(shown) for name, shown in LINE.items()
+                    }
                 self._stage = "stay"
             else:
                 self._wait_for_line(flown)
         elif self._stage == "stay":
             flown = self.flown[-1]
-            if self._moved_by_hand(flown):
+            if flown.is_moved_by_hand(self.telemetry):
                 flown.follow(self.telemetry)
-            if flown.leg.searches and not (self._line_stands(flown.leg) or flown.by_hand):
+            if flown.leg.searches and not (self._line_stands(flown) or flown.by_hand):
                 self._stage = "move"  # it has found a better one, or its place is gone
-            elif self._surveyed(flown) or self._stayed(flown):
+            elif flown.is_over(self.telemetry):
                 flown.ended_s = self.telemetry.time_s
                 if len(self.flown) == len(self._legs):
                     self._legs_flown()
                 else:
                     self._begin_leg(len(self.flown))
-        elif self._stage == "home" and self.telemetry.time_s - self._homeward_s > HOME_TIMEOUT_S:
-            raise OperatorError(
-                f"not down within {HOME_TIMEOUT_S:g} s of breaking off: {self.telemetry.words()}"
-            )
         if self._engaged and self.telemetry.parameters.get("OP_ENGAGE") == 0.0 and not self._to_set:
             self._engaged, self._engaged_s = False, float("nan")
             self._stage, self._released_s = "released", self.telemetry.time_s
             if self._watch_s is not None:
                 self._stage = "watch"
             elif isfinite(self._homeward_s):
-                self.done = True
+                self._stage = "down"
             elif self._again <= len(self.hiccups):
-                raise OperatorError(f"the module disengaged by itself: {self.telemetry.words()}")
+                raise self._disengaged()
 
     def _legs_flown(self) -> None:
         """All of them: it is over, or the way home begins."""
         if self._goes_home:
-            self._stage, self._homeward_s = "home", self.telemetry.time_s
+            self._turn_home()
             self._to_set = [("ESC_START", 1.0)]
         else:
             self.done = True
+
+    # --- the way home ---------------------------------------------------------------------
+    @property
+    def broke_off(self) -> bool:
+        """Whether it has left for the landing place, whoever wanted that, and not come back."""
+        return isfinite(self._homeward_s)
+
+    def _breaks_off(self) -> bool:
+        """Whether the module is on its way home: another station, or it itself, has asked for it.
+        Where it was to be seen what it does, nothing is made of it."""
+        return self._watch_s is None and self.telemetry.shown("soar_mode") in HOMEWARD
+
+    def _break_off(self, flown: FlownLeg) -> None:
+        """The leg ends here."""
+        flown.broken_off, flown.ended_s = True, self.telemetry.time_s
+        if not isfinite(flown.stopped_s):
+            flown.stopped_s = flown.asked_s
+        self._turn_home()
+
+    def _turn_home(self) -> None:
+        self._stage, self._homeward_s = "home", self.telemetry.time_s
+        self._texts_before = len(self.telemetry.texts)
+
+    def _wait_for_landing(self) -> None:
+        """Errors: `OperatorError` after too long."""
+        flown = self.flown[-1]
+        if flown.broken_off and self.telemetry.shown("soar_mode") in (CAPTURING, SOARING):
+            # Somebody has called it back.
+            flown.broken_off, flown.ended_s = False, float("nan")
+            self._stage, self._homeward_s = "move", float("nan")
+            self._patient_since_s = self.telemetry.time_s
+        elif self.telemetry.time_s - self._homeward_s > HOME_TIMEOUT_S:
+            raise OperatorError(
+                f"not down within {HOME_TIMEOUT_S:g} s of breaking off: {self.telemetry.words()}"
+            )
+
+    def _conclude_landing(self) -> None:
+        """It has disengaged on the way home.  Errors: `OperatorError` where that was no landing."""
+        reason = self.telemetry.reason(self._texts_before)
+        if reason.startswith(LANDED):
+            self.done = True
+        elif self.telemetry.time_s - self._released_s >= WORDS_S:
+            if reason:
+                raise self._disengaged()
+            self.done = True  # its words are lost, and the truth will tell
+
+    def _disengaged(self) -> OperatorError:
+        words = self.telemetry.words()
+        is_of_machine = any(hiccup in words for hiccup in HICCUPS)
+        return OperatorError(
+            f"the module disengaged by itself: {words}", is_of_machine=is_of_machine
+        )
+
+    # --- a module that has disengaged, and what it is asked for ---------------------------
 
     def _look_on(self) -> None:
         """The module has disengaged by itself, as was to be seen."""
@@ -291,16 +395,16 @@ class Operator:
         """The module has disengaged by itself: see why, and repeat the leg once it is ready."""
         since_s = self.telemetry.time_s - self._released_s
         if self._stage == "released" and since_s >= WORDS_S:
-            texts = reversed(self.telemetry.texts)
-            reason = next((text for text in texts if text.startswith("released")), "")
+            reason = self.telemetry.reason()
             if not any(hiccup in reason for hiccup in HICCUPS):
-                raise OperatorError(f"the module disengaged by itself: {self.telemetry.words()}")
+                raise self._disengaged()
             self.hiccups.append(reason)
             self._stage = "again"
-        elif self._stage == "again" and self._shown("soar_mode") == READY:
+        elif self._stage == "again" and self.telemetry.shown("soar_mode") == READY:
             self._begin_leg(len(self.flown) - 1)
         elif since_s > READY_S:
-            raise OperatorError(f"not ready again within {READY_S:g} s: {self.telemetry.words()}")
+            words = f"not ready again within {READY_S:g} s: {self.telemetry.words()}"
+            raise OperatorError(words, is_of_machine=True)
 
     def _begin_leg(self, number: int) -> None:
         leg = self._legs[number]
@@ -314,7 +418,7 @@ class Operator:
         """Errors: `OperatorError` after too long."""
         searches = flown.leg.searches
         limit_s = SEARCH_TIMEOUT_S if searches else LEG_TIMEOUT_S
-        before, self._line = self._line, [self._shown(name) for name in LINE.values()]
+        before, self._line = self._line, [self.telemetry.shown(name) for name in LINE.values()]
         if not searches and any(abs(a - b) > 0.0 for a, b in zip(before, self._line, strict=True)):
             self._patient_since_s = self.telemetry.time_s  # minutes, over a large hill
         if self.telemetry.time_s - self._patient_since_s <= limit_s:
@@ -325,41 +429,8 @@ class Operator:
             f" {self.telemetry.words()}"
         )
 
-    def _moved_by_hand(self, flown: FlownLeg) -> bool:
-        """Whether the line's parameters are no longer those that this leg set."""
-        if flown.leg.searches:
-            flown.by_hand = self.telemetry.parameters.get("SRCH_START") in OVER
-            return flown.by_hand
-        flown.by_hand = flown.by_hand or any(
-            self.telemetry.parameters.get(name) != as_wire_value(value)
-            for name, value in flown.leg.parameters.items()
-        )
-        return flown.by_hand
-
-    def _stayed(self, flown: FlownLeg) -> bool:
-        """Whether the line has stood for as long as it is to."""
-        return self.telemetry.time_s - flown.stopped_s >= flown.leg.stay_s
-
-    def _surveyed(self, flown: FlownLeg) -> bool:
-        """Whether this leg was a survey, and that has ended."""
-        return flown.leg.surveys and self.telemetry.parameters.get("SRV_START") == 0.0
-
-    def _line_stands(self, leg: PlannedLeg) -> bool:
-        """Whether the line that is flown is the one that was asked for: before it is engaged the
-        module shows the target itself."""
-        if leg.searches:
-            found = self.telemetry.parameters.get("SRCH_START") == FOUND
-            return found and self._shown("soar_mode") == SOARING
-        return all(
-            isclose(self._shown(LINE[name]), value, abs_tol=1e-3)
-            and self.telemetry.stamps[LINE[name]] > self._engaged_s
-            for name, value in leg.parameters.items()
-            if name in LINE
-        )
-
-    def _shown(self, name: str) -> float:
-        """The last value of a telemetry name; NaN where none has come."""
-        return self.telemetry.values.get(name, float("nan"))
+    def _line_stands(self, flown: FlownLeg) -> bool:
+        return flown.line_stands(self.telemetry, self._engaged_s)
 
     def _set_next(self, now_s: float) -> None:
         """Send the first set that is due, and drop it once its value is answered."""
@@ -372,9 +443,11 @@ class Operator:
                 self._set_next(now_s)
             return
         if now_s - self._first_sent_s > GIVE_UP_S:
+            words = self.telemetry.words()
             raise OperatorError(
                 f"PARAM_SET {name} = {value:g} was not confirmed within {GIVE_UP_S:g} s;"
-                f" the module says: {self.telemetry.words()}"
+                f" the module says: {words}",
+                is_of_machine=name not in words,  # else it is refused
             )
         if now_s - self._sent_s >= RETRY_S:
             if self._first_sent_s != self._first_sent_s:

@@ -17,6 +17,11 @@ SETTLED_FOR_S = 2.0
 SETTLE_S = 3.0  # from the line's stop; what comes later is scored
 TAIL_S = 8.0  # the last so many seconds of a leg tell where it ended up
 
+# Of a touchdown that is well: how far from the place it may be, and how hard.
+ALONG_M = 10.0
+ACROSS_M = 5.0
+SINK_MPS = 1.5
+
 Floats = NDArray[np.float64]
 
 
@@ -90,6 +95,11 @@ def score_leg(
         rms_y_m=_rms(y_m, scored),
         rms_bank_rad=_rms(bank_rad, scored),
     )
+
+
+def touches_down_well(along_m: float, across_m: float, sink_mps: float) -> bool:
+    """Whether a touchdown is near enough to the landing point, and soft enough; false for NaN."""
+    return abs(along_m) <= ALONG_M and abs(across_m) <= ACROSS_M and sink_mps <= SINK_MPS
 
 
 def _rms(values: Floats | None, scored: NDArray[np.bool_]) -> float:

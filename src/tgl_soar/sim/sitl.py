@@ -36,6 +36,7 @@ from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge.slowness import TOO_SLOW
 from tgl_soar.sim.operator import FlownLeg, Operator, OperatorError, PlannedLeg
 from tgl_soar.sim.score import LegScore, score_leg
+from tgl_soar.sim.sitl_landing import Landing, touchdown
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import (
     SitlProcesses,
@@ -71,6 +72,7 @@ class SitlFlight:
     wall_s: float
     killed_s: float | None = None  # when the module was killed, on the autopilot's clock
     notes: tuple[str, ...] = ()  # how the machine has interrupted it
+    landing: Landing | None = None  # how it ended on its way home; None: it was not on it
 
 
 def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[PlannedLeg]:
@@ -131,7 +133,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     processes = SitlProcesses(options.out)
     killed_s = _fly(options, truth_file, operator, processes, progress)
     truth = _read_truth(truth_file)
-    flown = [each for each in operator.flown if not each.leg.surveys]  # it is on no line
+    flown = [each for each in operator.flown if _is_scored(each, truth)]
     lines = [_line(each.found or each.leg.parameters) for each in flown]
     field, polar = site_field(site, folder), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
@@ -144,6 +146,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
         truth=truth,
         wall_s=time.monotonic() - begun,
         killed_s=killed_s,
+        landing=_landing(operator, values, truth),
         notes=(*notes, *processes.lines_with("bridge", TOO_SLOW)),
     )
     _write_summary(options, flight)
@@ -170,7 +173,8 @@ def _fly(
         processes.start("module", module_command(options, companion, mocap))
         return _operate(operator, ground_station, processes, progress, options)
     except OperatorError as error:
-        hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1) if options.realtime else ""
+        by_machine = options.realtime and error.is_of_machine
+        hint = busy_hint(os.getloadavg()[0], os.cpu_count() or 1) if by_machine else ""
         raise SitlError(f"{error}{hint}\n{processes.last_words()}") from None
     finally:
         processes.stop()
@@ -214,12 +218,32 @@ def _scores(
     return scores
 
 
+def _is_scored(flown: FlownLeg, truth: dict[str, Floats]) -> bool:
+    """Whether it stood on a line: a survey is on none, nor a search that was broken off."""
+    if flown.leg.surveys:
+        return False
+    if not flown.broken_off:
+        return True
+    stood = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
+    is_on_line = not flown.leg.searches or bool(flown.found)
+    return is_on_line and int(np.count_nonzero(stood)) > 1
+
+
+def _landing(operator: Operator, values: ParameterSet, truth: dict[str, Floats]) -> Landing | None:
+    """How it came down, where the module was on its way to the landing place."""
+    if not operator.broke_off:
+        return None
+    told = operator.telemetry.parameters
+    return touchdown(truth, {name: told.get(name, values[name]) for name in ("LND_X", "LND_Y")})
+
+
 def passed(flight: SitlFlight) -> bool:
-    """Whether every leg settled that nobody else has moved."""
-    return all(
-        score.settled or flown.by_hand
+    """Whether every leg settled that nobody has moved or ended, and a landing was well."""
+    held = all(
+        score.settled or flown.by_hand or flown.broken_off
         for score, flown in zip(flight.scores, flight.flown, strict=True)
     )
+    return held and (flight.landing is None or flight.landing.is_well)
 
 
 def busy_hint(load: float, processors: int) -> str:
@@ -303,11 +327,13 @@ def _write_summary(options: SitlOptions, flight: SitlFlight) -> None:
         "airframe": options.airframe.name,
         "passed": passed(flight),
         "killed_s": flight.killed_s,
+        "landing": _landing_numbers(flight.landing),
         "legs": [
             {
                 **asdict(score),
                 "predicted": _place(crossing),
                 "by_hand": flown.by_hand,
+                "broken_off": flown.broken_off,
                 "line": line,
                 "stood_s": (flown.stopped_s, flown.ended_s),
             }
@@ -316,4 +342,9 @@ def _write_summary(options: SitlOptions, flight: SitlFlight) -> None:
             )
         ],
     }
-    (options.out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    text = json.dumps(summary, indent=2)
+    (options.out / "summary.json").write_text(text + "\n")
+
+
+def _landing_numbers(landing: Landing | None) -> dict[str, object] | None:
+    return None if landing is None else {**asdict(landing), "well": landing.is_well}

@@ -24,12 +24,12 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
     is_lost,
     span,
     stays_claim,
-    touches_down_well,
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, LANDING, LAUNCHING, SOARING
 from tgl_soar.control.supervisor_texts import REASON_TEXTS
 from tgl_soar.sim.closed_loop import Trajectory
+from tgl_soar.sim.score import touches_down_well
 from tgl_soar.sim.sensors import MEMS_IMU
 from tgl_soar.sim.throw import Throw, ThrownWorld
 from tgl_soar.types import Ground

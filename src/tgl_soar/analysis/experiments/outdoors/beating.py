@@ -34,15 +34,14 @@ from tgl_soar.analysis.experiments.outdoors.hour import (
     record_of,
 )
 from tgl_soar.analysis.experiments.outdoors.outdoors import (
-    SINK_MPS,
     is_lost,
     span,
-    touches_down_well,
 )
 from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.scoring import fraction_text
 from tgl_soar.control.supervisor import BEATING, BREAKING_OFF, LANDING, SOARING
 from tgl_soar.control.supervisor_texts import MODE_NAMES
+from tgl_soar.sim.score import SINK_MPS, touches_down_well
 
 FLIGHTS: Final = 100
 DISPERSED_FLIGHTS: Final = 25

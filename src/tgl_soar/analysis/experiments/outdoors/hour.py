@@ -41,10 +41,8 @@ from tgl_soar.analysis.experiments.outdoors.hour_bound import (
 from tgl_soar.analysis.experiments.outdoors.hour_walk import walked
 from tgl_soar.analysis.experiments.outdoors.outdoors import (
     ALREADY,
-    SINK_MPS,
     is_lost,
     span,
-    touches_down_well,
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import BELOW_M, ShippedHill, shipped_hill
 from tgl_soar.analysis.experiments.random_aircraft import (
@@ -66,6 +64,7 @@ from tgl_soar.sim.aircraft import AircraftModel, glide_polar
 from tgl_soar.sim.closed_loop import Trajectory, fly
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.compiled_flight import fly_compiled, prepare
+from tgl_soar.sim.score import SINK_MPS, touches_down_well
 from tgl_soar.sim.sensors import MEMS_IMU, Sensors
 from tgl_soar.sim.world import World, flown_aircraft
 from tgl_soar.types import GlidePolar

@@ -30,6 +30,7 @@ from tgl_soar.control.supervisor_texts import MODE_NAMES, REASON_TEXTS
 from tgl_soar.sim.closed_loop import Change, Trajectory, fly
 from tgl_soar.sim.compiled import available
 from tgl_soar.sim.compiled_flight import fly_compiled, prepare
+from tgl_soar.sim.score import ACROSS_M, ALONG_M, SINK_MPS, touches_down_well
 from tgl_soar.sim.sensors import MEMS_IMU, USUAL_SENSORS, Sensors
 from tgl_soar.sim.throw import Throw, ThrownWorld
 from tgl_soar.types import Ground
@@ -66,9 +67,6 @@ HAND: Final = Start(x_m=-4.5, z_m=8.4)  # who throws stands 5 m before the crest
 THROW_S: Final = 2.0
 LAUNCH_S: Final = 30.0
 LANDING_S: Final = 75.0
-ALONG_M: Final = 10.0
-ACROSS_M: Final = 5.0
-SINK_MPS: Final = 1.5
 LULL: Final = 0.88  # of the wind: some lines of this hill are soared on in it, some are not
 LULL_S: Final = (12.0, 6.0)  # when it begins, and how long the wind takes to fall
 CHANGED: Final = (
@@ -131,11 +129,6 @@ class FlownPassage:
         """Whether it touched down as it should."""
         well = touches_down_well(self.along_m, self.across_m, self.sink_mps)
         return "ground" in self.ended and well
-
-
-def touches_down_well(along_m: float, across_m: float, sink_mps: float) -> bool:
-    """Whether a touchdown is near enough to the landing point, and soft enough; false for NaN."""
-    return abs(along_m) <= ALONG_M and abs(across_m) <= ACROSS_M and sink_mps <= SINK_MPS
 
 
 def _hill(random: Random) -> tuple[ShippedHill, float]:

@@ -33,7 +33,6 @@ from tgl_soar.analysis.experiments.outdoors.outdoors import (
     fraction_within,
     span,
     stays_claim,
-    touches_down_well,
 )
 from tgl_soar.analysis.experiments.outdoors.shipped_hill import shipped_hill
 from tgl_soar.analysis.experiments.random_aircraft import flown_world
@@ -50,6 +49,7 @@ from tgl_soar.sim.compiled import available
 from tgl_soar.sim.compiled_flight import CompiledLoop, CompiledWorld, prepare
 from tgl_soar.sim.faults import Fault, parse_fault
 from tgl_soar.sim.injection import Injection
+from tgl_soar.sim.score import touches_down_well
 from tgl_soar.sim.sensors import (
     AUTOPILOT_POSITION,
     DRIFTING_POSITION,
