@@ -411,6 +411,21 @@ def test_a_search_that_was_broken_off_before_it_found_a_line_has_no_score(
     assert flight.scores == []
 
 
+def test_what_is_no_number_is_null_in_the_summary(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Never settled, and nowhere to settle: JSON has neither Infinity nor NaN."""
+    far = {"TGL_X": 9.0, "TGL_Z": 1.1, "TGL_LEAN": 0.0}
+    flight_of(options(tmp_path, legs=("a",)), monkeypatch, lambda o: [stood(o, 0, found=far)])
+
+    def refused(word: str) -> None:
+        raise AssertionError(word)
+
+    text = (tmp_path / "summary.json").read_text()
+    (leg,) = json.loads(text, parse_constant=refused)["legs"]
+    assert (leg["settling_s"], leg["crossing_m"], leg["predicted"]) == (None, None, None)
+
+
 @pytest.mark.parametrize("by_hand", [True, False])
 def test_a_leg_that_never_settles_fails_unless_another_operator_has_moved_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by_hand: bool

@@ -24,6 +24,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf, isfinite, radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -342,9 +343,18 @@ def _write_summary(options: SitlOptions, flight: SitlFlight) -> None:
             )
         ],
     }
-    text = json.dumps(summary, indent=2)
+    text = json.dumps(_as_json(summary), indent=2, allow_nan=False)
     (options.out / "summary.json").write_text(text + "\n")
 
 
 def _landing_numbers(landing: Landing | None) -> dict[str, object] | None:
     return None if landing is None else {**asdict(landing), "well": landing.is_well}
+
+
+def _as_json(value: Any) -> Any:
+    """The same with null for what is no number, or without end: JSON has neither."""
+    if isinstance(value, dict):
+        return {name: _as_json(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_json(each) for each in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
