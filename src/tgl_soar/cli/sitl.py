@@ -260,8 +260,8 @@ def sitl(
     flight = _fly(options)
     show_flight(options, flight)
     _write_pages(options, flight, report=report)
-    if flight.landing is not None and (fault := flight.landing.fault()):
-        fail(fault, 1)
+    if flight.landing is not None and (why := flight.landing.fault()):
+        fail(why, 1)
     if not passed(flight):
         fail("a leg did not settle", 1)
 
