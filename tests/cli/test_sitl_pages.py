@@ -58,6 +58,17 @@ def test_each_page_is_written_where_there_is_a_log_and_it_is_wanted(
     assert ("its report: tgl-soar report here/logs/a.ulg" in output) == (has_log and not report)
 
 
+@pytest.mark.parametrize("survey", [False, True])
+def test_who_has_surveyed_is_told_what_draws_the_contour(
+    survey: bool, drawn: list[tuple[str, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    chosen = SitlOptions(airframe=Path("a"), site=Path("s"), out=Path("here"), survey=survey)
+    sitl._write_pages(chosen, FLIGHT, report=False)
+    assert [path.name for _, path in drawn] == ["flight.png"]
+    told = "its contour: tgl-soar survey here/logs/a.ulg" in capsys.readouterr().out
+    assert told == survey
+
+
 @pytest.mark.parametrize("error", [ImportError("no matplotlib"), LogError("cut off")])
 def test_without_a_figure_the_flight_is_none_the_worse(
     error: Exception,

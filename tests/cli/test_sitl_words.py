@@ -285,7 +285,39 @@ def test_the_legs_are_shown_in_centimetres(
         ["c", "moved by hand", "1.23 cm", "4.5 cm", "5.6 cm", "6.7 cm"],
     ]
     assert "a note [of brackets]\n" in output
+    assert "from the line's stop to 2 s with e_rho within 5 cm; rms and peak leave out" in output
+    assert "ZEUC: the contour where updraft equals sink; TGL ∩ ZEUC: where the line" in output
     assert output.endswith("62 s of flight in 12 s; logs and figure in here/\n")
+
+
+@pytest.mark.parametrize(("settles", "cell"), [(3.25, "3.2 s"), (float("inf"), "broken off")])
+def test_a_leg_that_a_landing_has_ended_is_shown_with_the_landing(
+    settles: float,
+    cell: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sitl_table, "console", Console(width=200))
+    leg: Any = SimpleNamespace(
+        by_hand=False,
+        broken_off=True,
+        stopped_s=4.0,
+        ended_s=16.34,
+        leg=SimpleNamespace(name="a", stay_s=60.0),
+    )
+    flight: Any = SimpleNamespace(
+        scores=[score("a", settling_s=settles)],
+        flown=[leg],
+        notes=(),
+        truth={"time_s": [0.0, 30.0]},
+        wall_s=12.4,
+        landing=Landing(time_s=30.0, along_m=4.7, across_m=0.4, sink_mps=0.7),
+    )
+    show_flight(SitlOptions(Path("a"), Path("s"), Path("here")), flight)
+    output = capsys.readouterr().out
+    assert f"│ {cell} " in output
+    assert "a: broken off after 12.3 s of 60 s\n" in output
+    assert "landed 4.7 m beyond the place, 0.4 m across, sink 0.70 m/s\n" in output
 
 
 @pytest.mark.parametrize(("values", "cells"), [

@@ -108,6 +108,19 @@ def test_a_leg_that_is_planned_and_flown_has_nothing_that_nobody_gave() -> None:
     assert (blank.module_alive, blank.armed) == (False, False)
 
 
+def test_what_the_module_has_reported_is_kept_with_its_time() -> None:
+    wire = Wire([LEG])
+    wire.shows(2.0, soar_x=0.0)
+    wire.say(wire.of_autopilot.statustext_encode(6, b"of the autopilot"), wire.of_autopilot)
+    wire.say(wire.of_module.statustext_encode(6, b"a long ", 7, 0))
+    wire.shows(2.5, soar_x=0.0)
+    wire.say(wire.of_module.statustext_encode(6, b"text", 7, 1))
+    wire.say(wire.of_module.statustext_encode(6, b"another", 8, 0))
+    telemetry = wire.operator.telemetry
+    assert telemetry.reported == [(2.0, "a long text"), (2.5, "another")]
+    assert telemetry.texts == ["of the autopilot", "a long text", "another"]
+
+
 def test_it_is_a_ground_station_that_beats_once_a_second() -> None:
     wire = Wire([LEG])
     beats = [

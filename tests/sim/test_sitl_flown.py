@@ -300,6 +300,7 @@ def flight_of(
     *,
     killed_s: float | None = None,
     bridge_says: str = "",
+    module_says: str = "",
 ) -> tuple[SitlFlight, Operator]:
     """A flight whose truth is that the aircraft stands at x 0.5, z 1.2 m for 60 s."""
     operators: list[Operator] = []
@@ -311,6 +312,7 @@ def flight_of(
         rows = [f"{0.1 * i:.1f},0.5,1.2,0,0" for i in range(601)]
         truth.write_text("\n".join(["time_s,x_m,z_m,y_m,roll_rad", *rows]) + "\n")
         (chosen.out / "bridge.log").write_text(bridge_says)
+        (chosen.out / "module.log").write_text(module_says)
         return killed_s
 
     monkeypatch.setattr(sitl, "_fly", flown)
@@ -335,6 +337,7 @@ def test_each_leg_is_scored_at_its_own_line_and_place(
         monkeypatch,
         lambda o: [stood(o, 0, found=found), stood(o, 1, by_hand=True), stood(o, 2)],
         killed_s=12.5,
+        module_says="tgl_soar: no fence\ntgl_soar: ready: can be engaged\ntgl_soar: later\n",
     )
     assert [leg.name for leg in operator._legs] == ["search", "a", "survey"]
     assert [score.name for score in flight.scores] == ["search", "a"]
@@ -349,7 +352,12 @@ def test_each_leg_is_scored_at_its_own_line_and_place(
     wind = site_field(site).wind_at(place.x_m, 0.0, place.z_m, 0.0)
     sink = polar.c0 + polar.c1 * wind[0] + polar.c2 * wind[0] ** 2 + polar.c3 * wind[0] ** 3
     assert wind[2] == pytest.approx(sink, abs=0.01)
-    assert (flight.killed_s, flight.notes, flight.wall_s) == (12.5, (), 7.5)
+    assert (flight.killed_s, flight.wall_s) == (12.5, 7.5)
+    assert flight.notes == (
+        "the module: no fence",
+        "search: still 0.5 m from its place: give a longer --stay",
+        "search: a place claimed after 9.0 s, at x 0.60 m, z 1.10 m",
+    )
     assert flight.truth["time_s"][-1] == 60.0
 
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -450,7 +458,7 @@ def test_what_the_machine_has_interrupted_is_noted(
         options(tmp_path, legs=("a",)), monkeypatch, lambda o: [stood(o, 0)], bridge_says=says
     )
     again = "engaged again after a hiccup of this machine: "
-    assert flight.notes == (f"{again}first", f"{again}second", says.splitlines()[1])
+    assert flight.notes[:3] == (f"{again}first", f"{again}second", says.splitlines()[1])
 
 
 @pytest.mark.parametrize(
@@ -458,7 +466,7 @@ def test_what_the_machine_has_interrupted_is_noted(
     [
         ({}, 0),
         ({"realtime": True}, 3),
-        ({"realtime": True, "faults": ("x",)}, 0),
+        ({"realtime": True, "faults": ("position.dropout start=2 for=1",)}, 0),
         ({"realtime": True, "kill_s": 1.0}, 0),
     ],
 )

@@ -413,7 +413,9 @@ def _write_pages(options: SitlOptions, flight: SitlFlight, *, report: bool) -> N
     except OSError as error:
         _fail_of_disk(options, error)
     if log is not None and not report:
-        console.print(f"its report: tgl-soar report {log}", soft_wrap=True, highlight=False)
+        say(f"its report: tgl-soar report {log}")
+    if log is not None and options.survey:
+        say(f"its contour: tgl-soar survey {log}")
 
 
 def newest_log(folder: Path) -> Path | None:

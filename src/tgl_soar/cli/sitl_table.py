@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rich.table import Table
 
 from tgl_soar.autopilot import mode_name
 from tgl_soar.cli.console import console, say
+from tgl_soar.sim.score import SETTLE_S, SETTLED_FOR_S, SETTLED_M, TAIL_S
 
 if TYPE_CHECKING:
     from tgl_soar.sim.operator import Operator
     from tgl_soar.sim.sitl import SitlFlight
     from tgl_soar.sim.sitl_options import SitlOptions
+
+LEGEND: Final = (
+    f"settled after: from the line's stop to {SETTLED_FOR_S:g} s with e_rho within"
+    f" {100 * SETTLED_M:g} cm; rms and peak leave out the first {SETTLE_S:g} s",
+    "ZEUC: the contour where updraft equals sink; TGL ∩ ZEUC: where the line crosses it, the place"
+    f" to settle; mean and dispersion: of the last {TAIL_S:g} s",
+)
 
 
 def show_flight(options: SitlOptions, flight: SitlFlight) -> None:
@@ -39,6 +47,9 @@ def show_flight(options: SitlOptions, flight: SitlFlight) -> None:
             f"{score.crossing_m * 100:.1f} cm" if score.crossing_m == score.crossing_m else "–",
         )
     console.print(table)
+    if flight.scores:
+        for words in LEGEND:
+            say(words)
     for note in flight.notes:
         console.print(note, style="yellow", markup=False, highlight=False, soft_wrap=True)
     for flown in flight.flown:

@@ -26,5 +26,6 @@ Flights between processes
   bridge/              the process;  ports, routing: its sockets and the way between links
   motive               a stand-in for OptiTrack's Motive;  natnet_frames: its bytes
   pilot, operator      people;  hostile: frames that nobody should send
-  sitl                 `tgl-soar sitl`: sitl_options, sitl_processes, sitl_landing, sitl_page
+  sitl                 `tgl-soar sitl`: sitl_options, sitl_processes, sitl_landing, sitl_notes,
+                       sitl_page
 """

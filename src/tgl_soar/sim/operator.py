@@ -114,6 +114,8 @@ class LastTelemetry:
     values: dict[str, float] = field(default_factory=dict)  # NAMED_VALUE_FLOAT by name
     stamps: dict[str, float] = field(default_factory=dict)  # the vehicle's time of each
     texts: list[str] = field(default_factory=list)  # STATUSTEXT, oldest first
+    # Those of the module alone, and when the first piece of each came.
+    reported: list[tuple[float, str]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     module_alive: bool = False
     armed: bool = False
@@ -122,6 +124,10 @@ class LastTelemetry:
         """One message of the vehicle."""
         if kind == "STATUSTEXT":
             self._take_text(str(message.text), message.id, message.chunk_seq)
+            if of_module:
+                is_more = bool(message.id and message.chunk_seq and self.reported)
+                begun_s, begun = self.reported.pop() if is_more else (self.time_s, "")
+                self.reported.append((begun_s, begun + str(message.text)))
         elif kind in ("ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED"):
             self.time_s = message.time_boot_ms * 1e-3
         elif kind == "NAMED_VALUE_FLOAT":

@@ -38,6 +38,7 @@ from tgl_soar.sim.bridge.slowness import TOO_SLOW
 from tgl_soar.sim.operator import FlownLeg, Operator, OperatorError, PlannedLeg
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sitl_landing import Landing, touchdown
+from tgl_soar.sim.sitl_notes import fault_words, place_words, search_words, start_words
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import (
     SitlProcesses,
@@ -72,7 +73,7 @@ class SitlFlight:
     truth: dict[str, Floats]  # columns of the bridge's log
     wall_s: float
     killed_s: float | None = None  # when the module was killed, on the autopilot's clock
-    notes: tuple[str, ...] = ()  # how the machine has interrupted it
+    notes: tuple[str, ...] = ()  # what is to be known beside its numbers
     landing: Landing | None = None  # how it ended on its way home; None: it was not on it
 
 
@@ -138,17 +139,25 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     lines = [_line(each.found or each.leg.parameters) for each in flown]
     field, polar = site_field(site, folder), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
-    notes = [f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups]
+    scores = _scores(flown, lines, crossings, truth)
+    notes = [
+        *start_words(processes.printed("module")),
+        *(f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups),
+        *processes.lines_with("bridge", TOO_SLOW),
+        *place_words(options, site, values, flown, scores, crossings),
+        *search_words(flown),
+        *fault_words(options, operator.telemetry),
+    ]
     flight = SitlFlight(
         flown=flown,
-        scores=_scores(flown, lines, crossings, truth),
+        scores=scores,
         crossings=crossings,
         lines=lines,
         truth=truth,
         wall_s=time.monotonic() - begun,
         killed_s=killed_s,
         landing=_landing(operator, values, truth),
-        notes=(*notes, *processes.lines_with("bridge", TOO_SLOW)),
+        notes=tuple(notes),
     )
     _write_summary(options, flight)
     return flight

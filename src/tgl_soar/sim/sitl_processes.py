@@ -211,6 +211,11 @@ class SitlProcesses:
         lines = self._log(name).read_text(errors="replace").splitlines()
         return [line for line in lines if words in line]
 
+    def printed(self, name: str) -> list[str]:
+        """All lines of one; none where it was not started."""
+        log = self._log(name)
+        return log.read_text(errors="replace").splitlines() if log.exists() else []
+
     def stop(self) -> None:
         """Ask all to end, the module first; kill what does not."""
         for process in reversed(self._running.values()):
