@@ -121,6 +121,7 @@ def test_where_it_is_set_to_it_waits_until_the_vehicle_is_armed() -> None:
         (["Preflight Fail: Airspeed invalid\t", "EKF3 active"], "Preflight Fail: Airspeed invalid"),
         (["PreArm: RC not found", "PreArm: GPS 1: Bad fix"], "PreArm: GPS 1: Bad fix"),
         (["a", "b", "c", "d"], "b; c; d"),
+        (["b", "c", "d", "d", "d"], "b; c; d"),
         ([], "nothing"),
     ],
 )

@@ -12,7 +12,7 @@ Commands of more than one file, and what goes with one
   params               params_page: docs/parameters.md
   compile              direct_tuples: named tuples in the copy that is compiled
   init                 service_unit: the systemd unit
-  sitl                 sitl_table: what it shows of a flight
+  sitl                 sitl_lines: whether the module takes its lines;  sitl_table: what it shows
   site                 site_init: `tgl-soar site init`;  contour_file: a site file's [contour]
   log                  log_layouts: PlotJuggler's and Foxglove's
   campaign             flights, rare: `tgl-soar campaign flights`, `campaign rare`

@@ -353,6 +353,7 @@ def _fly(options: SitlOptions) -> SitlFlight:
     from tgl_soar.sim.sitl_options import SitlError
 
     try:
+        _check_lines(options)
         with Live(console=console, refresh_per_second=10, transient=True) as live:
 
             def progress(operator: Operator) -> None:
@@ -365,6 +366,14 @@ def _fly(options: SitlOptions) -> SitlFlight:
         _fail_of_disk(options, error)
     except KeyboardInterrupt:
         fail("stopped", 130)
+
+
+def _check_lines(options: SitlOptions) -> None:
+    """Fail where the module would refuse one of the flight's lines, before anything is started."""
+    from tgl_soar.cli.sitl_lines import refused_line
+
+    if why := refused_line(options):
+        fail(f"{why}; change this line, or choose others by --legs")
 
 
 def _fail_of_disk(options: SitlOptions, error: OSError) -> NoReturn:

@@ -158,8 +158,8 @@ class LastTelemetry:
         return next((text for text in texts if text.startswith("released")), "")
 
     def words(self) -> str:
-        """The newest texts."""
-        return "; ".join(self.texts[-3:]) or "nothing"
+        """The newest texts, each once."""
+        return "; ".join([*dict.fromkeys(self.texts)][-3:]) or "nothing"
 
     def why_disarmed(self) -> str:
         """The newest text of a firmware's checks, or what was reported last."""
