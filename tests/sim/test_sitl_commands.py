@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tgl_soar.analysis.report import flight_page
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.config.site import air_files
 from tgl_soar.sim import sitl
 from tgl_soar.sim.operator import FlownLeg, PlannedLeg
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import (
+    FIGURES,
     SitlProcesses,
     airframe_for,
     bridge_command,
@@ -278,6 +280,37 @@ def test_a_leg_is_scored_from_when_its_line_stood_to_its_end() -> None:
     assert score.rms_e_rho_m == pytest.approx(1.0)
     assert (score.rms_y_m, score.rms_bank_rad) == (0.5, 0.25)
     assert (score.mean_x_m, score.mean_z_m) == (1.0, 2.0)
+
+
+OF_A_FLIGHT = (
+    *("truth.csv", "summary.json", "flight.png", "search.png", "report.html", "companion.tlog"),
+    *("bridge.log", "module.log", "page.log", "report-figures/numbers.json"),
+)
+
+
+def test_what_an_earlier_flight_has_left_does_not_look_like_the_new_one_s(tmp_path: Path) -> None:
+    """Its logs stay, and so does whatever else lies there."""
+    page = Path(flight_page.__file__).read_text(encoding="utf-8").partition("def _wanted")[2]
+    drawn = set(re.findall(r'(?m)^ {12}"(\w+)",$', page))
+    assert drawn == set(FIGURES)
+    figures = [f"report-figures/{name}.{end}" for name in FIGURES for end in ("svg", "png")]
+    kept = ["logs/a.ulg", "notes.txt", "report-figures/mine.png", "flown/site.toml"]
+    for name in (*OF_A_FLIGHT, *figures, *kept):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("of the flight before")
+    prepared(options(tmp_path))
+    left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == set(kept)
+    (tmp_path / "report-figures" / "mine.png").unlink()
+    (tmp_path / "truth.csv").touch()
+    prepared(options(tmp_path))
+    assert not (tmp_path / "report-figures").exists()
+
+
+def test_a_folder_without_a_flight_keeps_all_that_is_in_it(tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text("somebody's own")
+    prepared(options(tmp_path))
+    assert (tmp_path / "report.html").exists()
 
 
 @pytest.mark.parametrize(

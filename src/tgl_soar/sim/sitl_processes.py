@@ -17,6 +17,13 @@ from tgl_soar.sim.injection import OVERRIDE_TIME_S
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
 LOGS_MB = 500.0  # of all flights in a folder
+# What `tgl-soar sitl` leaves in its folder of one flight, beside the logs.  The figures of the
+# report's page are those of `analysis/report/flight_page.py`.
+PROCESS_LOGS = ("bridge.log", "module.log", "page.log")
+PAGES = ("summary.json", "flight.png", "search.png", "report.html", "companion.tlog")
+FIGURES = (
+    *("plane", "places", "point", "survey", "longitudinal", "lateral", "spectra", "loop", "health"),
+)
 
 
 def free_address() -> str:
@@ -152,16 +159,32 @@ def page_command(options: SitlOptions, station: str, port: int) -> list[str]:
 
 
 def prepared(options: SitlOptions) -> Path:
-    """The folder of the flight, and where the truth will be in it.  Errors: `SitlError`."""
+    """The folder of the flight, without what the one before has left there but its logs, and where
+    the truth will be in it.  Errors: `SitlError`."""
     truth_file = options.out / "truth.csv"
     try:
         options.out.mkdir(parents=True, exist_ok=True)
+        if any((options.out / name).exists() for name in (truth_file.name, PROCESS_LOGS[0])):
+            _clear(options.out)
         truth_file.unlink(missing_ok=True)
     except OSError as error:
         raise SitlError(
             f"--out {options.out}: cannot be written: {error.strerror}; name another folder"
         ) from None
     return truth_file
+
+
+def _clear(folder: Path) -> None:
+    """Remove the files of an earlier flight by their names, and nothing else.  Errors: OSError."""
+    for name in (*PROCESS_LOGS, *PAGES):
+        (folder / name).unlink(missing_ok=True)
+    figures = folder / "report-figures"
+    for name in FIGURES:
+        for ending in ("svg", "png"):
+            (figures / f"{name}.{ending}").unlink(missing_ok=True)
+    (figures / "numbers.json").unlink(missing_ok=True)
+    if figures.is_dir() and not any(figures.iterdir()):
+        figures.rmdir()
 
 
 class SitlProcesses:
