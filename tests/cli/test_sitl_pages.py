@@ -13,6 +13,8 @@ from rich.console import Console
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli import sitl
 from tgl_soar.cli.console import AIRFRAME, SITE
+from tgl_soar.cli.report import Named
+from tgl_soar.config.files import shipped
 from tgl_soar.sim.sitl_options import SitlOptions
 
 FLIGHT: Any = SimpleNamespace()
@@ -31,7 +33,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Path]]:
 
 
 def options(out: Path, *, search: bool = False) -> SitlOptions:
-    return SitlOptions(airframe=Path("a"), site=Path("s"), out=out, search=search)
+    return SitlOptions(airframe=Path("a"), site=SITE, out=out, search=search)
 
 
 @pytest.mark.parametrize("search", [False, True])
@@ -58,11 +60,34 @@ def test_each_page_is_written_where_there_is_a_log_and_it_is_wanted(
     assert ("its report: tgl-soar report here/logs/a.ulg" in output) == (has_log and not report)
 
 
+@pytest.mark.parametrize("report", [False, True])
+def test_a_site_whose_wind_is_in_a_file_is_named_to_the_report(
+    report: bool,
+    drawn: list[tuple[str, Path]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """No log holds that file: without --site the report would have no wind, or fail."""
+    site = tmp_path / "my hill" / "site.toml"
+    site.parent.mkdir()
+    text = shipped("sites/hill.toml").read_text(encoding="utf-8")
+    site.write_text(text.replace("radius_m = 8.0", 'radius_m = 8.0\nrecord = "hour.csv"'))
+    named: list[Named] = []
+    monkeypatch.setattr(sitl, "write", lambda _log, _page, given, _step: named.append(given))
+    chosen = SitlOptions(airframe=Path("a"), site=site, out=Path("here"))
+    sitl._write_pages(chosen, FLIGHT, report=report)
+    command = f"its report: tgl-soar report here/logs/a.ulg --site '{site}'\n"
+    assert (command in capsys.readouterr().out) != report
+    assert [each.site for each in named] == [site] * report
+    assert drawn
+
+
 @pytest.mark.parametrize("survey", [False, True])
 def test_who_has_surveyed_is_told_what_draws_the_contour(
     survey: bool, drawn: list[tuple[str, Path]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    chosen = SitlOptions(airframe=Path("a"), site=Path("s"), out=Path("here"), survey=survey)
+    chosen = SitlOptions(airframe=Path("a"), site=SITE, out=Path("here"), survey=survey)
     sitl._write_pages(chosen, FLIGHT, report=False)
     assert [path.name for _, path in drawn] == ["flight.png"]
     told = "its contour: tgl-soar survey here/logs/a.ulg" in capsys.readouterr().out

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from math import inf, isfinite
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
@@ -36,7 +37,7 @@ from tgl_soar.config.files import (
     load_flight,
     load_site,
 )
-from tgl_soar.config.site import PolynomialAir
+from tgl_soar.config.site import PolynomialAir, air_files
 from tgl_soar.onboard.flightlog.files import kept_in
 
 if TYPE_CHECKING:
@@ -415,16 +416,24 @@ def _write_pages(options: SitlOptions, flight: SitlFlight, *, report: bool) -> N
             _draw_map(options, log, out / "search.png")
         if report and log is not None:
             page = out / "report.html"
-            write(log, page, Named(), lambda _words: None)
+            write(log, page, Named(site=_site_to_name(options)), lambda _words: None)
             say(f"its report: {page}")
     except (ImportError, LogError) as error:
         hint(f"no figure: {error}")
     except OSError as error:
         _fail_of_disk(options, error)
     if log is not None and not report:
-        say(f"its report: tgl-soar report {log}")
+        named = _site_to_name(options)
+        more = "" if named is None else f" --site {quote(str(named))}"
+        say(f"its report: tgl-soar report {quote(str(log))}{more}")
     if log is not None and options.survey:
-        say(f"its contour: tgl-soar survey {log}")
+        say(f"its contour: tgl-soar survey {quote(str(log))}")
+
+
+def _site_to_name(options: SitlOptions) -> Path | None:
+    """The site file, where a report must be given it: its air is in files that no log holds."""
+    air = load_site(options.site).air
+    return options.site if air is not None and air_files(air, options.site.parent) else None
 
 
 def newest_log(folder: Path) -> Path | None:
