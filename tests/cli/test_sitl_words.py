@@ -69,7 +69,8 @@ def test_each_option_is_what_is_flown_by(flown: list[SitlOptions]) -> None:
         *("--legs", " a, c ,", "--stay", "5", "--set", "TGL_HOLD=1", "--set", " RHO_P = 0.5"),
         *("--model", "point-mass", "--seed", "7", "--turbulence", "0.1", "--receiver", "rtk"),
         *("--realtime", "--gcs-local", "127.0.0.1:0", "--fault", "position.dropout start=20 for=1"),
-        *("--autopilot-parameter", "A=1", "--survey", "--kill-module", "3", "--out", "here"),
+        *("--autopilot-parameter", "A=1", "--survey", "--land"),
+        *("--kill-module", "3", "--out", "here"),
     )
     assert (code, output) == (0, "")
     (options,) = flown
@@ -81,6 +82,7 @@ def test_each_option_is_what_is_flown_by(flown: list[SitlOptions]) -> None:
     assert options.faults == ("position.dropout start=20 for=1",)
     assert options.autopilot_parameters == ("A=1",)
     assert (options.search, options.survey, options.kill_s) == (False, True, 3.0)
+    assert options.goes_home
     assert options.out == Path("here")
 
 
@@ -126,6 +128,7 @@ def test_a_firmware_is_flown_by_its_program_and_route(flown: list[SitlOptions]) 
     (("--fault", "no.such start=1"), "--fault: "),
     (("--page", "--autopilot", "px4", "--px4", "/bin/true"),
      "--page --autopilot px4: the page flies with the bridge's own Pixhawk"),
+    (("--page", "--land"), "--page --land: beside the page nobody but its user lands"),
 ])  # fmt: skip
 def test_what_does_not_go_together_is_refused_before_the_flight(
     words: tuple[str, ...], reported: str, flown: list[SitlOptions]

@@ -38,6 +38,12 @@ def test_motion_capture_needs_a_site_that_has_it(tmp_path: Path) -> None:
         fly(options(tmp_path, mocap=True), quietly)
 
 
+def test_a_landing_needs_a_place_to_land_at(tmp_path: Path) -> None:
+    with pytest.raises(SitlError, match=r"tunnel\.toml: no \[landing\] table.* --site hill"):
+        fly(options(tmp_path, goes_home=True), quietly)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_firmware_flies_the_airframe_file_with_its_name_and_gets_the_hall_s_poses(
     tmp_path: Path,
 ) -> None:

@@ -173,6 +173,12 @@ WithSearch = Annotated[
 WithSurvey = Annotated[
     bool, typer.Option("--survey", help="Survey the contour from the last line of --legs.")
 ]
+WithLanding = Annotated[
+    bool,
+    typer.Option(
+        "--land", help="After the last leg break off and land; the site needs \\[landing]."
+    ),
+]
 KillModule = Annotated[
     float | None,
     typer.Option(
@@ -210,11 +216,15 @@ def sitl(
     autopilot_parameter: AutopilotParameters = None,
     search: WithSearch = False,
     survey: WithSurvey = False,
+    land: WithLanding = False,
     kill_module: KillModule = None,
     out: Out = Path("out/sitl"),
     report: WithReport = False,
 ) -> None:
-    """Fly the line from a to b to c between real processes; exit code 1 if a leg fails."""
+    """Fly the line from a to b to c between real processes.
+
+    Exit code 1: a leg was not held, or a landing was too far from its place or too hard.
+    """
     from tgl_soar.sim.faults import catalogue_text
     from tgl_soar.sim.sitl import passed
     from tgl_soar.sim.sitl_options import SitlOptions
@@ -252,9 +262,12 @@ def sitl(
         autopilot_parameters=tuple(autopilot_parameter or ()),
         search=search,
         survey=survey,
+        goes_home=land,
         kill_s=kill_module,
         gcs_local=gcs_local,
     )
+    if page and land:
+        fail("--page --land: beside the page nobody but its user lands: set ESC_START 1 there")
     _say_what_flies(options)
     if page:
         _host(options, page_port)

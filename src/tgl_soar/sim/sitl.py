@@ -119,6 +119,11 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     legs = plan(site, values, options)
     if options.mocap and site.mocap is None:
         raise SitlError(f"{options.site}: no [mocap] table, as sites/tunnel_mocap.toml has it")
+    if options.goes_home and site.landing is None:
+        raise SitlError(
+            f"{options.site}: no [landing] table, so there is no place to land at; add one, or fly"
+            " over a site that has one, such as --site hill"
+        )
     truth_file, folder = prepared(options), options.site.parent
     if options.autopilot != "builtin":
         options = replace(options, airframe=airframe_for(options), site=site_for(options, site))
