@@ -69,7 +69,7 @@ def test_each_option_is_what_is_flown_by(flown: list[SitlOptions]) -> None:
         *("--legs", " a, c ,", "--stay", "5", "--set", "TGL_HOLD=1", "--set", " RHO_P = 0.5"),
         *("--model", "point-mass", "--seed", "7", "--turbulence", "0.1", "--receiver", "rtk"),
         *("--realtime", "--gcs-local", "127.0.0.1:0", "--fault", "position.dropout start=20 for=1"),
-        *("--autopilot-parameter", "A=1", "--survey", "--land"),
+        *("--autopilot-parameter", "A=1", "--survey", "--land", "--launch", "hand"),
         *("--kill-module", "3", "--out", "here"),
     )
     assert (code, output) == (0, "")
@@ -82,7 +82,7 @@ def test_each_option_is_what_is_flown_by(flown: list[SitlOptions]) -> None:
     assert options.faults == ("position.dropout start=20 for=1",)
     assert options.autopilot_parameters == ("A=1",)
     assert (options.search, options.survey, options.kill_s) == (False, True, 3.0)
-    assert options.goes_home
+    assert (options.by_hand, options.goes_home) == (True, True)
     assert options.out == Path("here")
 
 
@@ -128,6 +128,8 @@ def test_a_firmware_is_flown_by_its_program_and_route(flown: list[SitlOptions]) 
     (("--fault", "no.such start=1"), "--fault: "),
     (("--page", "--autopilot", "px4", "--px4", "/bin/true"),
      "--page --autopilot px4: the page flies with the bridge's own Pixhawk"),
+    (("--launch", "hand", "--autopilot", "px4", "--px4", "/bin/true"),
+     "--launch hand --autopilot px4: a real firmware is launched in the air"),
     (("--page", "--land"), "--page --land: beside the page nobody but its user lands"),
 ])  # fmt: skip
 def test_what_does_not_go_together_is_refused_before_the_flight(
@@ -301,13 +303,7 @@ def test_a_leg_that_a_landing_has_ended_is_shown_with_the_landing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(sitl_table, "console", Console(width=200))
-    leg: Any = SimpleNamespace(
-        by_hand=False,
-        broken_off=True,
-        stopped_s=4.0,
-        ended_s=16.34,
-        leg=SimpleNamespace(name="a", stay_s=60.0),
-    )
+    leg: Any = SimpleNamespace(by_hand=False, broken_off=True)
     flight: Any = SimpleNamespace(
         scores=[score("a", settling_s=settles)],
         flown=[leg],
@@ -319,7 +315,6 @@ def test_a_leg_that_a_landing_has_ended_is_shown_with_the_landing(
     show_flight(SitlOptions(Path("a"), Path("s"), Path("here")), flight)
     output = capsys.readouterr().out
     assert f"│ {cell} " in output
-    assert "a: broken off after 12.3 s of 60 s\n" in output
     assert "landed 4.7 m beyond the place, 0.4 m across, sink 0.70 m/s\n" in output
 
 

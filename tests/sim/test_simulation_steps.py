@@ -372,3 +372,25 @@ def test_sensors_are_fitted_as_asked() -> None:
     steps(other, 40)
     assert other.world.airspeed.sequence == 0
     assert other.world.rangefinder.sequence > 0
+
+
+def test_a_hand_throws_two_seconds_after_the_first_override() -> None:
+    path = shipped("sites/hill.toml")
+    simulation = Simulation(
+        AIRFRAME, load_site(path), Options(turbulence=0.0, by_hand=True), path.parent
+    )
+    simulation.add_link(COMPANION, ground=False)
+    assert steps(simulation, 100) == []
+    start = simulation.world.truth
+    assert (start.velocity_x_mps, simulation.flying) == (0.0, False)
+    assert "thrown in 2 s: the surfaces are overridden" in steps(simulation, 100, overridden=True)
+    assert simulation.world.truth.x_m == start.x_m
+    events = steps(simulation, 400, overridden=True)
+    assert (events[-1], simulation.flying) == ("thrown", True)
+    assert simulation.world.truth.x_m < start.x_m - 0.3  # the arm's swing
+    # Lost and carried back, it is in the hand again.
+    simulation.world.crashed = "lost"
+    simulation._lying_until = simulation.world.steps
+    steps(simulation, 2)
+    assert not simulation.flying
+    assert simulation.world.truth.x_m == start.x_m

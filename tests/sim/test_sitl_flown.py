@@ -414,7 +414,9 @@ def test_a_search_that_was_broken_off_before_it_found_a_line_has_no_score(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flight, _ = flight_of(
-        options(tmp_path, search=True), monkeypatch, lambda o: [stood(o, 0, broken_off=True)]
+        options(tmp_path, search=True),
+        monkeypatch,
+        lambda o: [stood(o, 0, broken_off=True, stopped_s=nan)],
     )
     assert flight.scores == []
 
@@ -473,7 +475,8 @@ def test_what_the_machine_has_interrupted_is_noted(
 def test_only_real_time_without_faults_is_flown_again_after_a_hiccup(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], again: int
 ) -> None:
-    chosen = options(tmp_path, legs=("a",), watch_s=4.0, goes_home=True, **changes)
+    site = shipped("sites/hill.toml")
+    chosen = options(tmp_path, site=site, legs=("a",), watch_s=4.0, goes_home=True, **changes)
     _, operator = flight_of(chosen, monkeypatch, lambda o: [stood(o, 0)])
     assert operator._again == again
     assert (operator._when_armed, operator._watch_s, operator._goes_home) == (False, 4.0, True)

@@ -12,7 +12,13 @@ from tgl_soar.air.zeuc import Crossing
 from tgl_soar.config.files import load_flight, shipped
 from tgl_soar.sim.operator import FlownLeg, LastTelemetry, PlannedLeg
 from tgl_soar.sim.score import LegScore
-from tgl_soar.sim.sitl_notes import fault_words, place_words, search_words, start_words
+from tgl_soar.sim.sitl_notes import (
+    broken_off_words,
+    fault_words,
+    place_words,
+    search_words,
+    start_words,
+)
 from tgl_soar.sim.sitl_options import SitlOptions
 
 AIRFRAME, SITE = shipped("airframes/eclipson_c.toml"), shipped("sites/hill.toml")
@@ -108,6 +114,18 @@ def test_where_there_is_no_place_the_dash_of_the_table_is_explained() -> None:
 
 
 # --- a search, and faults -------------------------------------------------------------------------
+
+
+def test_a_leg_that_was_broken_off_is_said_with_the_module_s_reason() -> None:
+    leg = PlannedLeg("a", {}, 60.0)
+    stood = FlownLeg(leg, 2.0, stopped_s=4.0, ended_s=16.34, broken_off=True)
+    early = FlownLeg(leg, 2.0, ended_s=16.34, broken_off=True)
+    telemetry = LastTelemetry()
+    assert list(broken_off_words([stood], telemetry)) == ["a: broken off after 12.3 s of 60 s"]
+    telemetry.reported = [(16.0, "breaking off: launch given up: too low"), (17.0, "landing: away")]
+    assert list(broken_off_words([early, FlownLeg(leg, 2.0)], telemetry)) == [
+        "a: broken off before its line stood: launch given up: too low"
+    ]
 
 
 def test_what_a_search_has_found_is_said() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from errno import ENOSPC
 from pathlib import Path
@@ -42,6 +43,37 @@ def test_a_landing_needs_a_place_to_land_at(tmp_path: Path) -> None:
     with pytest.raises(SitlError, match=r"tunnel\.toml: no \[landing\] table.* --site hill"):
         fly(options(tmp_path, goes_home=True), quietly)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_throw_needs_ground_to_stand_on(tmp_path: Path) -> None:
+    """The tunnel's board rises up to the very end of its fence."""
+    text = shipped("sites/hill.toml").read_text(encoding="utf-8")
+    flat, bare = tmp_path / "flat.toml", tmp_path / "bare.toml"
+    (profile,) = re.findall(r"(?ms)^\[ground\]\nprofile = \[.*?^\]$", text)
+    flat.write_text(text.replace(profile, "[ground]\nprofile = [[-9.0, 0.0], [9.0, 0.0]]"))
+    bare.write_text(text.replace(profile, ""))
+    for site, why in (
+        (bare, r"bare\.toml: no \[ground\] table"),
+        (flat, r"flat\.toml: \[ground\] profile: the ground does not rise"),
+        (SITE, r"tunnel\.toml: a hand at x .* has no 1 m of room in the fence; .* --site hill"),
+    ):
+        with pytest.raises(SitlError, match=why):
+            fly(options(tmp_path / "out", site=site, by_hand=True), quietly)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_first_leg_begins_in_the_hand_and_no_other(tmp_path: Path) -> None:
+    airframe, site = load_airframe(AIRFRAME), load_site(SITE)
+    values = load_parameters(airframe, AIRFRAME, site, SITE)
+    first, *others = plan(site, values, options(tmp_path, by_hand=True))
+    assert first.to_set() == [*first.parameters.items(), ("LNC_START", 1.0)]
+    assert not any(("LNC_START", 1.0) in leg.to_set() for leg in others)
+    plain, *_ = plan(site, values, options(tmp_path))
+    assert plain.to_set() == list(first.parameters.items())
+    for by_hand in (False, True):
+        asked = options(tmp_path, by_hand=by_hand)
+        words = bridge_command(asked, tmp_path / "truth.csv", "127.0.0.1:9", "127.0.0.1:10", "")
+        assert parsed(words[4:]).simulation.by_hand == by_hand
 
 
 def test_a_firmware_flies_the_airframe_file_with_its_name_and_gets_the_hall_s_poses(

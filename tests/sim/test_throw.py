@@ -9,7 +9,7 @@ import pytest
 from tgl_soar.config.files import airframe_file, load_airframe, load_site, site_file
 from tgl_soar.geometry import euler_from_quaternion
 from tgl_soar.sim.sensors import ImuParams, Sensors
-from tgl_soar.sim.throw import PUSH_S, Throw, ThrownWorld
+from tgl_soar.sim.throw import PUSH_S, SHOULDER_M, Throw, ThrownWorld, place_to_throw
 from tgl_soar.sim.world import make_world
 from tgl_soar.types import SurfaceCommand
 
@@ -75,3 +75,23 @@ def test_without_a_speed_it_is_released() -> None:
         released.step(COMMAND)
         assert released.imu.force_x_frd_mps2 < 2.0
     assert released.time_s == pytest.approx(0.5, abs=0.006)
+
+
+def test_a_hand_is_near_the_crest_on_its_windward_side() -> None:
+    """Over a dell at 1 m: nine tenths of the 10 m up to the crest, on the last slope before it."""
+    ground = ((-40.0, 2.0), (-30.0, 1.0), (-20.0, 10.5), (-15.0, 9.0), (-5.0, 11.0), (5.0, 1.0))
+    x_m, z_m = place_to_throw(ground)
+    assert x_m == pytest.approx(-10.0)
+    assert z_m == pytest.approx(10.0 + SHOULDER_M)
+    for flat in (((-9.0, 1.0), (9.0, 1.0)), ((-9.0, 3.0), (9.0, 1.0))):
+        with pytest.raises(ValueError, match="does not rise towards a crest"):
+            place_to_throw(flat)
+
+
+def test_from_the_hand_over_the_shipped_hill() -> None:
+    """Where `outdoors` throws from, within a metre and a half."""
+    ground = load_site(site_file("hill")).ground
+    assert ground is not None
+    x_m, z_m = place_to_throw(ground.profile)
+    assert x_m == pytest.approx(-4.5, abs=1.5)
+    assert z_m == pytest.approx(8.4, abs=0.6)

@@ -70,6 +70,13 @@ class SitlMocap(StrEnum):
     NATNET = "natnet"
 
 
+class SitlLaunch(StrEnum):
+    """How the flight begins."""
+
+    HELD = "held"
+    HAND = "hand"
+
+
 class SitlReceiver(StrEnum):
     """What the simulated Pixhawk takes its position from."""
 
@@ -173,6 +180,10 @@ WithSearch = Annotated[
 WithSurvey = Annotated[
     bool, typer.Option("--survey", help="Survey the contour from the last line of --legs.")
 ]
+LaunchChoice = Annotated[
+    SitlLaunch,
+    typer.Option(help="Begin in the air, or in a hand before the crest, which throws it."),
+]
 WithLanding = Annotated[
     bool,
     typer.Option(
@@ -216,6 +227,7 @@ def sitl(
     autopilot_parameter: AutopilotParameters = None,
     search: WithSearch = False,
     survey: WithSurvey = False,
+    launch: LaunchChoice = SitlLaunch.HELD,
     land: WithLanding = False,
     kill_module: KillModule = None,
     out: Out = Path("out/sitl"),
@@ -226,7 +238,6 @@ def sitl(
     Exit code 1: a leg was not held, or a landing was too far from its place or too hard.
     """
     from tgl_soar.sim.faults import catalogue_text
-    from tgl_soar.sim.sitl import passed
     from tgl_soar.sim.sitl_options import SitlOptions
 
     faults = tuple(fault or ())
@@ -236,8 +247,8 @@ def sitl(
     _check_faults(faults, autopilot)
     programs = {SitlAutopilot.PX4: px4, SitlAutopilot.ARDUPILOT: ardupilot}
     _check_autopilot(context, autopilot, programs, route)
-    if autopilot != SitlAutopilot.BUILTIN and _is_given(context, "receiver"):
-        fail(f"--receiver {receiver.value}: a real firmware has its own; see its parameters")
+    if autopilot != SitlAutopilot.BUILTIN:
+        _check_of_bridge(context, autopilot, receiver, launch)
     if not (realtime or page) and _is_given(context, "gcs_local"):
         fail(f"--gcs-local {gcs_local}: ground stations join in real time only; add --realtime")
     by_mocap = mocap == SitlMocap.NATNET or (autopilot != SitlAutopilot.BUILTIN and site is None)
@@ -262,22 +273,15 @@ def sitl(
         autopilot_parameters=tuple(autopilot_parameter or ()),
         search=search,
         survey=survey,
+        by_hand=launch == SitlLaunch.HAND,
         goes_home=land,
         kill_s=kill_module,
         gcs_local=gcs_local,
     )
-    if page and land:
-        fail("--page --land: beside the page nobody but its user lands: set ESC_START 1 there")
     _say_what_flies(options)
     if page:
         _host(options, page_port)
-    flight = _fly(options)
-    show_flight(options, flight)
-    _write_pages(options, flight, report=report)
-    if flight.landing is not None and (why := flight.landing.fault()):
-        fail(why, 1)
-    if not passed(flight):
-        fail("a leg did not settle", 1)
+    _fly_to_the_end(options, report=report)
 
 
 def _say_what_flies(options: SitlOptions) -> None:
@@ -342,6 +346,19 @@ def _check_autopilot(
             fail(f"--{of}: is flown with --autopilot {of} only; add it, or leave this out")
 
 
+def _check_of_bridge(
+    context: typer.Context,
+    autopilot: SitlAutopilot,
+    receiver: SitlReceiver,
+    launch: SitlLaunch,
+) -> None:
+    """Whether nothing was chosen that only the bridge's own Pixhawk has."""
+    if _is_given(context, "receiver"):
+        fail(f"--receiver {receiver.value}: a real firmware has its own; see its parameters")
+    if launch == SitlLaunch.HAND:
+        fail(f"--launch hand --autopilot {autopilot}: a real firmware is launched in the air")
+
+
 def _is_given(context: typer.Context, option: str) -> bool:
     """Whether an option stands on the command line."""
     return str(context.get_parameter_source(option)).endswith("COMMANDLINE")
@@ -359,6 +376,18 @@ def _mocap_settings(
     if by_mocap and autopilot == SitlAutopilot.PX4:
         given = ["rate=125", *given]  # of its 250 steps a second
     return tuple(f"--mocap-{setting}" for setting in given)
+
+
+def _fly_to_the_end(options: SitlOptions, *, report: bool) -> None:
+    """Fly, show what was flown, and fail where it did not pass."""
+    from tgl_soar.sim.sitl import passed
+
+    flight = _fly(options)
+    show_flight(options, flight)
+    _write_pages(options, flight, report=report)
+    if not passed(flight):
+        why = "" if flight.landing is None else flight.landing.fault()
+        fail(why or "a leg did not settle", 1)
 
 
 def _fly(options: SitlOptions) -> SitlFlight:
@@ -401,6 +430,8 @@ def _host(options: SitlOptions, port: int) -> NoReturn:
     from tgl_soar.sim.sitl_options import SitlError
     from tgl_soar.sim.sitl_page import host
 
+    if options.goes_home:
+        fail("--page --land: beside the page nobody but its user lands: set ESC_START 1 there")
     if options.autopilot != SitlAutopilot.BUILTIN:
         fail(
             f"--page --autopilot {options.autopilot}: the page flies with the bridge's own Pixhawk"

@@ -52,10 +52,6 @@ def show_flight(options: SitlOptions, flight: SitlFlight) -> None:
             say(words)
     for note in flight.notes:
         console.print(note, style="yellow", markup=False, highlight=False, soft_wrap=True)
-    for flown in flight.flown:
-        if flown.broken_off:
-            stood_s = flown.ended_s - flown.stopped_s
-            say(f"{flown.leg.name}: broken off after {stood_s:.1f} s of {flown.leg.stay_s:g} s")
     if flight.landing is not None:
         say(flight.landing.words())
     simulated = flight.truth["time_s"][-1]

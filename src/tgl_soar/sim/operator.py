@@ -15,7 +15,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.parameters import as_wire_value
-from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, LANDING, SOARING
+from tgl_soar.control.supervisor import BREAKING_OFF, CAPTURING, LANDING, LAUNCHING, SOARING
 
 RETRY_S = 0.5
 GIVE_UP_S = 10.0  # without an answer to a set for so long, nobody is there
@@ -54,6 +54,11 @@ class PlannedLeg:
     stay_s: float
     searches: bool = False  # the module is to find the line itself
     surveys: bool = False  # the module moves the line itself, and is done where SRV_START is 0
+    launches: bool = False  # it begins in a hand
+
+    def to_set(self) -> list[tuple[str, float]]:
+        """What is set before it, in this order."""
+        return [*self.parameters.items(), *([("LNC_START", 1.0)] if self.launches else [])]
 
 
 @dataclass
@@ -94,7 +99,9 @@ class FlownLeg:
 
     def line_stands(self, telemetry: LastTelemetry, engaged_s: float) -> bool:
         """Whether the line that is flown is the one that was asked for: before it is engaged the
-        module shows the target itself."""
+        module shows the target itself, and so it may in a hand."""
+        if telemetry.shown("soar_mode") == LAUNCHING:
+            return False
         if self.leg.searches:
             found = telemetry.parameters.get("SRCH_START") == FOUND
             return found and telemetry.shown("soar_mode") == SOARING
@@ -346,8 +353,6 @@ class Operator:
     def _break_off(self, flown: FlownLeg) -> None:
         """The leg ends here."""
         flown.broken_off, flown.ended_s = True, self.telemetry.time_s
-        if not isfinite(flown.stopped_s):
-            flown.stopped_s = flown.asked_s
         self._turn_home()
 
     def _turn_home(self) -> None:
@@ -417,7 +422,7 @@ class Operator:
         del self.flown[number:]  # where it is repeated
         self.flown.append(FlownLeg(leg, self.telemetry.time_s))
         self._patient_since_s = self.telemetry.time_s
-        self._to_set = list(leg.parameters.items())
+        self._to_set = leg.to_set()
         self._stage = "move"
 
     def _wait_for_line(self, flown: FlownLeg) -> None:

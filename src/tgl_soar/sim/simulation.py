@@ -9,19 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from tgl_soar.config.airframe import Airframe, ModelKind
-from tgl_soar.config.site import Site
+from tgl_soar.config.site import Site, Start
 from tgl_soar.sim.channels import NEUTRAL
 from tgl_soar.sim.faults import Fault
 from tgl_soar.sim.injection import Injection, of_duplicate
 from tgl_soar.sim.pilot import SafetyPilot
 from tgl_soar.sim.routing import LinkId
 from tgl_soar.sim.sensors import LASER_RANGE, MEMS_IMU, PITOT, RECEIVERS, Sensors
+from tgl_soar.sim.throw import Throw, ThrownWorld, place_to_throw
 from tgl_soar.sim.truth_log import TruthLog
 from tgl_soar.sim.vehicle.modes import FBWA, MANUAL
 from tgl_soar.sim.vehicle.pixhawk import Pixhawk
@@ -61,6 +64,12 @@ LOG_COLUMNS: Final = (
 )
 
 
+# As `analysis/experiments/outdoors/outdoors.py` throws in the middle: into 8 to 10 m/s of wind at
+# the edge a push, no throw with a run.
+IN_HAND: Final = Throw(time_s=inf, speed_mps=3.0, roll_rad=0.0, pitch_rad=0.0, heading_rad=0.0)
+THROW_AFTER_S: Final = 2.0
+
+
 class TimedSetting(NamedTuple):
     """A parameter of the autopilot that a ground station sets in flight."""
 
@@ -79,6 +88,7 @@ class Options:
     step_hz: int = 200
     pilot: bool = True
     held: bool = True  # at the start, until the first override
+    by_hand: bool = False  # it is held in a hand before the crest, and thrown after that
     armed: bool = True  # when it begins
     truth: bool = True
     uptime_s: float = 0.0
@@ -197,6 +207,14 @@ class SteppedWorld:
             self._log.add((*row, mode, self.flying, overridden))
 
 
+def _with_hand(site: Site) -> Site:
+    """A site whose start is in a hand.  Errors: ValueError without a slope."""
+    if site.ground is None:
+        raise ValueError("--launch hand: the site has no [ground], so there is no place for a hand")
+    x_m, z_m = place_to_throw(site.ground.profile)
+    return msgspec.structs.replace(site, start=Start(x_m=x_m, z_m=z_m))
+
+
 class Simulation(SteppedWorld):
     """World, Pixhawk, pilot and log, one step at a time; no sockets, no clock."""
 
@@ -207,7 +225,12 @@ class Simulation(SteppedWorld):
             airspeed=PITOT if options.pitot else None,
             rangefinder=LASER_RANGE if options.rangefinder else None,
         )
+        if options.by_hand:
+            site = _with_hand(site)
         super().__init__(airframe, site, options, folder, options.step_hz, sensors)
+        self._in_hand = ThrownWorld(self.world, IN_HAND) if options.by_hand else None
+        if self._in_hand is not None:
+            self.world = self._in_hand
         self._home = site.position.home
         # Where poses are forwarded the autopilot is set up to take them.
         self._parameters = {"VISO_TYPE": 1.0} if site.forward is not None else {}
@@ -345,11 +368,26 @@ class Simulation(SteppedWorld):
 
     def _launch_or_carry_back(self) -> None:
         world, pixhawk = self.world, self.pixhawk
-        if self._carry_back():
+        if self._in_hand is not None and not self.world.crashed:
+            self._throw(self._in_hand)
+        elif self._carry_back():
             pixhawk.restart()
+            if self._in_hand is not None:
+                self._in_hand.throw = IN_HAND
         elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden():
             world.held = False
             self._events.append("launched: the surfaces are overridden")
+
+    def _throw(self, world: ThrownWorld) -> None:
+        """The arm swings a while after the surfaces are overridden for the first time."""
+        pixhawk = self.pixhawk
+        taken = pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden()
+        if world.throw == IN_HAND and taken:
+            world.throw = IN_HAND._replace(time_s=world.time_s + THROW_AFTER_S)
+            self._events.append(f"thrown in {THROW_AFTER_S:g} s: the surfaces are overridden")
+        elif world.held and world.is_free:
+            world.held = False
+            self._events.append("thrown")
 
     def _fly_by_hand(self) -> None:
         pixhawk = self.pixhawk

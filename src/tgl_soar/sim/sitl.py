@@ -33,12 +33,20 @@ from tgl_soar.air.zeuc import Crossing, stable_crossing
 from tgl_soar.config.files import line_parameters, load_flight
 from tgl_soar.config.parameters import ParameterError, ParameterSet, checked_value
 from tgl_soar.config.site import Site
+from tgl_soar.control.envelope import outside
+from tgl_soar.control.laws import fence_of
 from tgl_soar.control.target_line import eta_from_lean
 from tgl_soar.sim.bridge.slowness import TOO_SLOW
 from tgl_soar.sim.operator import FlownLeg, Operator, OperatorError, PlannedLeg
 from tgl_soar.sim.score import LegScore, score_leg
 from tgl_soar.sim.sitl_landing import Landing, touchdown
-from tgl_soar.sim.sitl_notes import fault_words, place_words, search_words, start_words
+from tgl_soar.sim.sitl_notes import (
+    broken_off_words,
+    fault_words,
+    place_words,
+    search_words,
+    start_words,
+)
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 from tgl_soar.sim.sitl_processes import (
     SitlProcesses,
@@ -49,6 +57,7 @@ from tgl_soar.sim.sitl_processes import (
     prepared,
     site_for,
 )
+from tgl_soar.sim.throw import place_to_throw
 from tgl_soar.sim.world import site_field
 
 Floats = NDArray[np.float64]
@@ -59,6 +68,7 @@ SILENCE_S = 20.0  # in real time without a datagram for so long the bridge is ta
 SEARCH = "search"  # the name of the leg that looks for lift
 SURVEY = "survey"
 SURVEY_S = 180.0  # at most
+ROOM_M = 1.0  # within the fence before and over a hand: the throw alone takes 0.4 m
 AGAIN = 3  # engagements after the first, in real time
 
 
@@ -105,7 +115,8 @@ def plan(site: Site, values: ParameterSet, options: SitlOptions) -> list[Planned
     if options.survey:
         begins = {**legs[-1].parameters, "SRV_START": 1.0}
         legs.append(PlannedLeg(SURVEY, begins, SURVEY_S, surveys=True))
-    return [search] * options.search + legs
+    flown = [search] * options.search + legs
+    return [replace(flown[0], launches=options.by_hand), *flown[1:]]
 
 
 def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFlight:
@@ -119,6 +130,8 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     legs = plan(site, values, options)
     if options.mocap and site.mocap is None:
         raise SitlError(f"{options.site}: no [mocap] table, as sites/tunnel_mocap.toml has it")
+    if options.by_hand:
+        _check_hand(options, site, values)
     if options.goes_home and site.landing is None:
         raise SitlError(
             f"{options.site}: no [landing] table, so there is no place to land at; add one, or fly"
@@ -150,6 +163,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
         *(f"engaged again after a hiccup of this machine: {w}" for w in operator.hiccups),
         *processes.lines_with("bridge", TOO_SLOW),
         *place_words(options, site, values, flown, scores, crossings),
+        *broken_off_words(operator.flown, operator.telemetry),
         *search_words(flown),
         *fault_words(options, operator.telemetry),
     ]
@@ -166,6 +180,23 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     )
     _write_summary(options, flight)
     return flight
+
+
+def _check_hand(options: SitlOptions, site: Site, values: ParameterSet) -> None:
+    """Errors: `SitlError` where nobody can stand to throw."""
+    way_out = "fly over a slope, such as --site hill"
+    if site.ground is None:
+        raise SitlError(f"{options.site}: no [ground] table, so nobody can stand there; {way_out}")
+    try:
+        x_m, z_m = place_to_throw(site.ground.profile)
+    except ValueError as error:
+        raise SitlError(f"{options.site}: [ground] profile: {error}; {way_out}") from None
+    fence = fence_of(values)
+    if outside(fence, x_m, 0.0, z_m) or outside(fence, x_m - ROOM_M, 0.0, z_m + ROOM_M):
+        where = f"x {x_m:.1f} m, z {z_m:.1f} m"
+        raise SitlError(
+            f"{options.site}: a hand at {where} has no {ROOM_M:g} m of room in the fence; {way_out}"
+        )
 
 
 def _fly(
@@ -234,14 +265,13 @@ def _scores(
 
 
 def _is_scored(flown: FlownLeg, truth: dict[str, Floats]) -> bool:
-    """Whether it stood on a line: a survey is on none, nor a search that was broken off."""
+    """Whether it stood on a line: a survey is on none, nor one that was broken off early."""
     if flown.leg.surveys:
         return False
     if not flown.broken_off:
         return True
     stood = (truth["time_s"] >= flown.stopped_s) & (truth["time_s"] <= flown.ended_s)
-    is_on_line = not flown.leg.searches or bool(flown.found)
-    return is_on_line and int(np.count_nonzero(stood)) > 1
+    return int(np.count_nonzero(stood)) > 1
 
 
 def _landing(operator: Operator, values: ParameterSet, truth: dict[str, Floats]) -> Landing | None:

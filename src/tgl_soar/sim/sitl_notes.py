@@ -23,6 +23,7 @@ AFTER_S: Final = 5.0  # so long after a fault is over, what is reported may stil
 MODULE: Final = "tgl_soar: "
 # What a module says at every start, or of what belongs to this simulation.
 USUAL: Final = ("code:", "parameters changed over the air", "listening on", "OptiTrack:")
+BREAKS_OFF: Final = "breaking off: "
 STARTED: Final = ("boot", "standby:", "ready:")
 
 
@@ -64,6 +65,18 @@ def place_words(
         if away and not (holds or changes or leg.broken_off or leg.by_hand):
             where = f"still {score.crossing_m:.1f} m from its place"
             yield f"{score.name}: {where}: give a longer --stay"
+
+
+def broken_off_words(flown: Sequence[FlownLeg], telemetry: LastTelemetry) -> Iterator[str]:
+    """Legs that the way home has ended, and why, in the module's words."""
+    texts = [text for _, text in telemetry.reported if text.startswith(BREAKS_OFF)]
+    why = f": {texts[-1].removeprefix(BREAKS_OFF)}" if texts else ""
+    for leg in flown:
+        if leg.broken_off and isfinite(leg.stopped_s):
+            stood_s = leg.ended_s - leg.stopped_s
+            yield f"{leg.leg.name}: broken off after {stood_s:.1f} s of {leg.leg.stay_s:g} s{why}"
+        elif leg.broken_off:
+            yield f"{leg.leg.name}: broken off before its line stood{why}"
 
 
 def search_words(flown: Sequence[FlownLeg]) -> Iterator[str]:

@@ -37,6 +37,7 @@ class SitlOptions:
     survey: bool = False  # on the last line the contour is surveyed
     kill_s: float | None = None  # the module is killed so long after its line first stood
     mission: Path | None = None  # of the firmware, as ground stations write it
+    by_hand: bool = False  # it is thrown from a hand before the crest
     goes_home: bool = False  # after the last leg it breaks off and lands
     watch_s: float | None = None  # where it disengages by itself, fly on so long and end well
     # Real time alone is open to others, on the ports that the firmwares' simulators have.

@@ -109,6 +109,8 @@ def bridge_command(
     ]
     if options.model is not None:
         command += ["--model", options.model]
+    if options.by_hand:
+        command += ["--launch", "hand"]
     if not options.pitot:
         command.append("--no-pitot")
     if options.autopilot == "builtin":

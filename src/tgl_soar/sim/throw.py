@@ -7,6 +7,8 @@ accelerometers feel of the hand is what a hand does: it carries the weight, and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from math import cos, sin
 from typing import Final, NamedTuple
 
@@ -17,6 +19,22 @@ from tgl_soar.sim.world_step import WorldNow, world_step
 from tgl_soar.types import SurfaceCommand
 
 PUSH_S: Final = 0.25  # an arm swings through 0.6 m
+# Who throws stands where the ground has come to this part of the crest's height, before the crest:
+# thrown from farther down, the aircraft flies beyond where the wind carries it back to a line.
+UP: Final = 0.9
+SHOULDER_M: Final = 1.9  # a hand over the ground
+
+
+def place_to_throw(profile: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """x and z [m] of a hand before the crest.  profile: of the ground, x growing; the wind comes
+    from small x.  Errors: ValueError where it does not rise."""
+    top = max(range(len(profile)), key=lambda i: profile[i][1])
+    foot_m = min((z for _, z in profile[: top + 1]))
+    wanted_m = foot_m + UP * (profile[top][1] - foot_m)
+    for (x0, z0), (x1, z1) in reversed([*pairwise(profile[: top + 1])]):
+        if z0 <= wanted_m < z1:
+            return x0 + (x1 - x0) * (wanted_m - z0) / (z1 - z0), wanted_m + SHOULDER_M
+    raise ValueError("the ground does not rise towards a crest, so there is nowhere to throw from")
 
 
 class Throw(NamedTuple):

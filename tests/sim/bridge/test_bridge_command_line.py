@@ -78,6 +78,7 @@ def test_the_defaults_are_a_held_flight_in_real_time_at_the_usual_ports() -> Non
         (["--step-rate", "400"], {"step_hz": 400}),
         (["--pilot", "none"], {"pilot": False}),
         (["--launch", "free"], {"held": False}),
+        (["--launch", "hand"], {"by_hand": True}),
         (["--launch", "bench"], {"armed": False}),
         (["--no-truth"], {"truth": False}),
         (["--uptime", "12.5"], {"uptime_s": 12.5}),

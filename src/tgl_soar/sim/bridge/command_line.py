@@ -28,6 +28,8 @@ def parsed(words: Sequence[str]) -> BridgeOptions:
         parser.error(f"--fault {why}")
     if builtin and any(change.at_s > 0.0 for change in arguments.autopilot_parameter):
         parser.error("--autopilot-parameter NAME=NUMBER@SECONDS needs a firmware: --autopilot")
+    if not builtin and arguments.launch == "hand":
+        parser.error("--launch hand: a firmware is launched in the air")
     if not builtin and arguments.receiver != "local":
         parser.error(f"--receiver {arguments.receiver}: a firmware has its own")
     return BridgeOptions(
@@ -65,6 +67,7 @@ def _simulation_options(arguments: argparse.Namespace) -> Options:
         step_hz=arguments.step_rate,
         pilot=arguments.pilot == "steady",
         held=arguments.launch != "free",
+        by_hand=arguments.launch == "hand",
         armed=arguments.launch != "bench",
         truth=not arguments.no_truth,
         uptime_s=arguments.uptime,
@@ -181,8 +184,9 @@ def _parser() -> argparse.ArgumentParser:
         help="who flies while nobody overrides the surfaces (default: a steady safety pilot)",
     )  # fmt: skip
     add(
-        "--launch", choices=("held", "free", "bench"), default="held",
-        help="held at the start until the first override, free at once, or disarmed on a bench",
+        "--launch", choices=("held", "free", "bench", "hand"), default="held",
+        help="held at the start until the first override, free at once, disarmed on a bench, or"
+        " thrown from a hand before the crest, 2 s after the first override",
     )  # fmt: skip
     add(
         "--autopilot", choices=("builtin", "px4", "ardupilot"), default="builtin",
