@@ -301,6 +301,7 @@ def test_a_flight_in_turbulence_and_its_report(desk: Desk) -> None:
         "tgl-soar sitl --site hill --stay 40",
         "tgl-soar sitl --search",
         "tgl-soar sitl --model point-mass --site tunnel_polynomial",
+        "tgl-soar sitl --site hill --launch hand --legs c --land",
     ],
 )
 @proves(
@@ -308,6 +309,7 @@ def test_a_flight_in_turbulence_and_its_report(desk: Desk) -> None:
     "tgl-soar sitl --site hill --stay 40",
     "tgl-soar sitl --search",
     "tgl-soar sitl --model point-mass --site tunnel_polynomial",
+    "tgl-soar sitl --site hill --launch hand --legs c --land",
 )
 def test_other_flights(desk: Desk, command: str) -> None:
     assert "not held" not in desk.run(command)
