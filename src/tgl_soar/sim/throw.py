@@ -32,7 +32,7 @@ def place_to_throw(profile: Sequence[tuple[float, float]]) -> tuple[float, float
     foot_m = min((z for _, z in profile[: top + 1]))
     wanted_m = foot_m + UP * (profile[top][1] - foot_m)
     for (x0, z0), (x1, z1) in reversed([*pairwise(profile[: top + 1])]):
-        if z0 <= wanted_m < z1:
+        if z0 <= wanted_m:
             return x0 + (x1 - x0) * (wanted_m - z0) / (z1 - z0), wanted_m + SHOULDER_M
     raise ValueError("the ground does not rise towards a crest, so there is nowhere to throw from")
 
