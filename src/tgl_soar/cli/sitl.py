@@ -27,6 +27,7 @@ from tgl_soar.cli.console import (
     hint,
     say,
 )
+from tgl_soar.cli.log_argument import newest_log
 from tgl_soar.cli.report import Named, write
 from tgl_soar.cli.sitl_table import progress_of, show_flight
 from tgl_soar.config.airframe import MODEL_OPTIONS
@@ -38,7 +39,6 @@ from tgl_soar.config.files import (
     load_site,
 )
 from tgl_soar.config.site import PolynomialAir, air_files
-from tgl_soar.onboard.flightlog.files import kept_in
 
 if TYPE_CHECKING:
     from tgl_soar.sim.operator import Operator
@@ -294,7 +294,7 @@ def _say_what_flies(options: SitlOptions) -> None:
         kind = None if options.model is None else MODEL_OPTIONS[options.model]
         wind = ""
         if isinstance(site.air, PolynomialAir):
-            wind = wind_misfit_text(site_field(site, options.site.parent))
+            wind = wind_misfit_text(site_field(site, options.site.parent, options.site))
         for words in (wind, polar_misfit_text(airframe.flown_as(kind))):
             if words:
                 say(words)
@@ -480,12 +480,6 @@ def _site_to_name(options: SitlOptions) -> Path | None:
     return options.site if air is not None and air_files(air, options.site.parent) else None
 
 
-def newest_log(folder: Path) -> Path | None:
-    """The module's log of the last flight, its first part."""
-    logs = [kept for kept in kept_in(folder) if kept.path.suffix == ".ulg"]
-    return next((log.path for log in logs if log.flight == logs[-1].flight), None)
-
-
 def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
     """The flight in the vertical plane, as it truly was.  Errors: ImportError."""
     from tgl_soar.analysis.logs.flight_data import FlightData, Series
@@ -515,7 +509,7 @@ def _draw(options: SitlOptions, flight: SitlFlight, path: Path) -> None:
         )
     ]
     surroundings = Surroundings(
-        field=site_field(site, options.site.parent),
+        field=site_field(site, options.site.parent, options.site),
         polar=load_airframe(options.airframe).polar.as_polar(),
         ground=ground_outline(site.air),
     )
@@ -542,5 +536,5 @@ def _draw_map(options: SitlOptions, log: Path, path: Path) -> None:
     setup = setup_from(airframe, site, values)
     glimpses = glimpses_of(flown, modes[0].time_s, flown.duration_s)
     task = task_of(laws_of(setup, values))
-    if map_figure(path, glimpses, task, site, site_field(site, options.site.parent)):
+    if map_figure(path, glimpses, task, site, site_field(site, options.site.parent, options.site)):
         say(f"how its map grew: {path}")

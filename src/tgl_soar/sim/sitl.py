@@ -137,7 +137,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
             f"{options.site}: no [landing] table, so there is no place to land at; add one, or fly"
             " over a site that has one, such as --site hill"
         )
-    truth_file, folder = prepared(options), options.site.parent
+    truth_file, site_path = prepared(options), options.site
     if options.autopilot != "builtin":
         options = replace(options, airframe=airframe_for(options), site=site_for(options, site))
     begun = time.monotonic()
@@ -155,7 +155,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
     truth = _read_truth(truth_file)
     flown = [each for each in operator.flown if _is_scored(each, truth)]
     lines = [_line(each.found or each.leg.parameters) for each in flown]
-    field, polar = site_field(site, folder), airframe.polar.as_polar()
+    field, polar = site_field(site, site_path.parent, site_path), airframe.polar.as_polar()
     crossings = [stable_crossing(field, polar, line) for line in lines]
     scores = _scores(flown, lines, crossings, truth)
     notes = [
