@@ -24,8 +24,8 @@ from typing import Any, Final, NamedTuple
 import cma
 import numpy as np
 
-from tgl_soar.analysis.experiments.further_probes import stamped
 from tgl_soar.analysis.experiments.pages import between
+from tgl_soar.analysis.experiments.staleness_probes import stamped
 from tgl_soar.gym import KINDS, OBSERVATION, SIZES, SoaringEnv
 
 TESTED: Final = 1_000_000  # flights from this seed on are never trained on

@@ -33,8 +33,8 @@ from typing import Any, Final, NamedTuple
 import psutil
 
 from tgl_soar.analysis.campaigns.drawn_faults import EVERY_SENSOR, SENSORS, place
-from tgl_soar.analysis.experiments.further_probes import stamped
 from tgl_soar.analysis.experiments.pages import between
+from tgl_soar.analysis.experiments.staleness_probes import stamped
 from tgl_soar.sim.campaign.cluster import ClusterError, DaskCluster
 from tgl_soar.sim.campaign.executors import Executor, local
 from tgl_soar.sim.campaign.flight_list import Campaign

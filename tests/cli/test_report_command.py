@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from tgl_soar.cli import report
 from tgl_soar.cli.app import app
-from tgl_soar.cli.sitl import newest_log
+from tgl_soar.cli.log_argument import newest_log
 
 RUN = CliRunner()
 

@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 from tgl_soar.cli import sitl as module
 from tgl_soar.cli import sitl_table
 from tgl_soar.cli.app import app
+from tgl_soar.cli.log_argument import newest_log
 from tgl_soar.cli.sitl import (
     SitlAutopilot,
     _mocap_settings,
     _numbers,
-    newest_log,
 )
 from tgl_soar.cli.sitl_table import progress_of, show_flight
 from tgl_soar.config.files import shipped

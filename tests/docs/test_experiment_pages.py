@@ -14,10 +14,10 @@ from tgl_soar.analysis import experiments
 from tgl_soar.analysis.experiments import staleness
 from tgl_soar.analysis.experiments.catalogue import TOGETHER
 from tgl_soar.analysis.experiments.flights import ScenarioJob, fly_job
-from tgl_soar.analysis.experiments.further_probes import probe_for_page
 from tgl_soar.analysis.experiments.pages import AIMS, ONCE, OWN_PAGES, PAPER, page
 from tgl_soar.analysis.experiments.result import ChangedThreshold
 from tgl_soar.analysis.experiments.scenario import load_scenario, prepare
+from tgl_soar.analysis.experiments.staleness_probes import probe_for_page
 from tgl_soar.config.files import shipped
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from benchmarks.page import BEGIN, END
 
-from tgl_soar.analysis.experiments import further_probes, staleness
-from tgl_soar.analysis.experiments.further_probes import (
+from tgl_soar.analysis.experiments import staleness, staleness_probes
+from tgl_soar.analysis.experiments.pages import AIMS, OWN_PAGES, PAPER
+from tgl_soar.analysis.experiments.staleness_probes import (
     BY_HAND,
     DISPERSED,
     FURTHER,
@@ -24,7 +25,6 @@ from tgl_soar.analysis.experiments.further_probes import (
     probe_for_page,
     stamped,
 )
-from tgl_soar.analysis.experiments.pages import AIMS, OWN_PAGES, PAPER
 
 DOCS = Path(__file__).parents[2] / "docs"
 # The table that `make bench` writes has its own marks.
@@ -55,9 +55,13 @@ def test_a_section_is_of_what_flies_or_says_that_it_is_older(page: str, name: st
     command, written = section_of(page, name)
     now = soaring() | {each: further(each) for each in SECTIONS[page, name]}
     older = staleness.differences(written, now)
-    says_so = further_probes.OLDER in written
-    assert says_so == bool(older), f"docs/{page}: {older}; {command}, or say {further_probes.OLDER}"
-    assert not says_so or command in written.partition(further_probes.OLDER)[2].partition("\n\n")[0]
+    says_so = staleness_probes.OLDER in written
+    assert says_so == bool(older), (
+        f"docs/{page}: {older}; {command}, or say {staleness_probes.OLDER}"
+    )
+    assert (
+        not says_so or command in written.partition(staleness_probes.OLDER)[2].partition("\n\n")[0]
+    )
 
 
 @pytest.mark.parametrize(("page", "name"), BY_HAND)
@@ -69,7 +73,7 @@ def test_what_was_copied_is_of_what_flies_or_says_that_it_is_older(page: str, na
     older = staleness.differences(
         copied, soaring() | {each: further(each) for each in BY_HAND[page, name]}
     )
-    assert (further_probes.OLDER in copied) == bool(older), f"docs/{page}: {older}"
+    assert (staleness_probes.OLDER in copied) == bool(older), f"docs/{page}: {older}"
 
 
 @pytest.mark.parametrize(("page", "name"), SECTIONS)
@@ -101,7 +105,7 @@ def test_timings_are_of_the_laws_that_fly_or_say_that_they_are_older() -> None:
 
 
 def test_a_section_carries_its_own_probes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(further_probes, "probe", lambda: {"tunnel": (1.0, 2.0)})
+    monkeypatch.setattr(staleness_probes, "probe", lambda: {"tunnel": (1.0, 2.0)})
     for n, name in enumerate(("a brake", *DISPERSED)):
         monkeypatch.setitem(FURTHER, name, partial(tuple[float, float], (3.0, float(n))))
     ends = probe_for("point.md", "point")
@@ -118,18 +122,18 @@ def test_a_section_carries_its_own_probes(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_probes_do_what_they_are_named_for() -> None:
     """None of them ends where the flight without it does."""
-    plain = further_probes._changed("speed", 25.0, {})
+    plain = staleness_probes._changed("speed", 25.0, {})
     for name in ("home from the hill", "beating"):
         assert max(abs(a - b) for a, b in zip(further(name), plain, strict=True)) > 0.01, name
-    point = further_probes._changed("point", 15.0, {}, further_probes.EVERY)
+    point = staleness_probes._changed("point", 15.0, {}, staleness_probes.EVERY)
     assert abs(further("a brake")[1] - point[1]) > 0.01
-    filed = further_probes._changed("static", staleness.PROBED_S, {}, further_probes.EVERY)
+    filed = staleness_probes._changed("static", staleness.PROBED_S, {}, staleness_probes.EVERY)
     assert max(abs(a - b) for a, b in zip(further(IN_TUNNEL), filed, strict=True)) > 0.01
-    filed = further_probes._changed("speed", staleness.PROBED_S, {}, further_probes.EVERY)
+    filed = staleness_probes._changed("speed", staleness.PROBED_S, {}, staleness_probes.EVERY)
     assert max(abs(a - b) for a, b in zip(further(OVER_HILL), filed, strict=True)) > 0.01
     for other in (further("a search"), further(OVER_HILL)):
         assert max(abs(a - b) for a, b in zip(further(SEARCHING), other, strict=True)) > 0.01
-    quiet = further_probes._changed("static", 12.0, {}, further_probes.EVERY)
+    quiet = staleness_probes._changed("static", 12.0, {}, staleness_probes.EVERY)
     assert further("faults") != pytest.approx(quiet, abs=1e-3)
-    steady = further_probes._changed("speed", 12.0, {}, further_probes.EVERY)
+    steady = staleness_probes._changed("speed", 12.0, {}, staleness_probes.EVERY)
     assert further(STEPPING) != pytest.approx(steady, abs=1e-3)

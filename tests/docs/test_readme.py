@@ -31,7 +31,7 @@ from free_ports import free_port
 from installed_wheel import Installed
 from peers_scene import Scene
 
-from tgl_soar.cli.sitl import newest_log
+from tgl_soar.cli.log_argument import newest_log
 from tgl_soar.config.files import manual
 
 ROOT = Path(__file__).parents[2]

@@ -110,7 +110,7 @@ def test_what_is_used_stays_whatever_its_size(
 def test_what_is_inlined_becomes_no_machine_code_of_its_own() -> None:
     from numba import typeof
 
-    from tgl_soar.sim.inner_code import InnerLibrary
+    from tgl_soar.sim.inlined_functions import InnerLibrary
 
     place = SoaringFrame(1.0, 2.0, -3.0, 0.4), 5.0, 6.0, 7.0
     assert compiled(ned_from_soaring)(*place) == ned_from_soaring(*place)

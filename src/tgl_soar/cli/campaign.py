@@ -13,7 +13,7 @@ from rich.table import Table
 from tgl_soar.analysis.campaigns import drawn_faults, report
 from tgl_soar.analysis.campaigns.long_flight import Part, fly_long
 from tgl_soar.analysis.campaigns.safety_timeline import draw_safety_timeline
-from tgl_soar.analysis.experiments.further_probes import stamped
+from tgl_soar.analysis.experiments.staleness_probes import stamped
 from tgl_soar.cli.batch_options import (
     ALL,
     NO_TABLE,

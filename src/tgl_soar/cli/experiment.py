@@ -23,7 +23,6 @@ from tgl_soar.analysis.experiments.catalogue import (
 from tgl_soar.analysis.experiments.catalogue import run as run_experiment
 from tgl_soar.analysis.experiments.context import COMPILED_FROM, Context
 from tgl_soar.analysis.experiments.flights import FlownFolder, Flyer
-from tgl_soar.analysis.experiments.further_probes import probe_for, probe_for_page
 from tgl_soar.analysis.experiments.pages import (
     IMAGES,
     OWN_PAGES,
@@ -33,6 +32,7 @@ from tgl_soar.analysis.experiments.pages import (
     with_result,
 )
 from tgl_soar.analysis.experiments.result import Result, as_json
+from tgl_soar.analysis.experiments.staleness_probes import probe_for, probe_for_page
 from tgl_soar.cli.batch_options import (
     ALL,
     NO_TABLE,

@@ -4,7 +4,7 @@ The world and what is in it
   world                air, aircraft, servos, sensors as one object;  world_step: one step of it
   aircraft, point_mass two aircraft;  flown_aircraft: what any must have;  propeller, tether, throw
   servos, white_noise  surfaces' servos;  all that is random;  box_muller: Gaussian numbers
-  met_turbulence       the turbulence of one flight
+  flight_turbulence    the turbulence of one flight
   sensors              rates, delays, noise of each;  sensor_sampling: what they measure in a flight
   faults, injection    every fault, declared;  faults at work
   truth_log            what really happened
@@ -17,7 +17,8 @@ Flights in one process
 
 Compiling them (numba)
   compiled             the kernels, of which modules;  kernel_cache: on disk
-  compiled_air         the air as data;  lines_ahead: rollouts;  cells, inner_code: for numba alone
+  compiled_air         the air as data;  lines_ahead: rollouts
+  cells                for numba alone, as inlined_functions
 
 Flights between processes
   simulation           world, Pixhawk, pilot and faults together, without sockets

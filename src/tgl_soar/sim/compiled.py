@@ -104,7 +104,7 @@ MODULES: Final = (
     "tgl_soar.sim.flight",
     "tgl_soar.sim.commanded_flight",
     "tgl_soar.sim.watched_flight",
-    "tgl_soar.estimation.lift_map.sinking",
+    "tgl_soar.estimation.lift_map.extended_polar",
     "tgl_soar.control.search.ahead",
     "tgl_soar.sim.lines_ahead",
 )
@@ -151,7 +151,7 @@ def _options() -> dict[str, Any]:
     Nothing calls it from Python: numba makes no wrapper for that, which would take longer than the
     function wherever it is handed hundreds of numbers, and no machine code.
     """
-    from tgl_soar.sim.inner_code import InnerCompiler
+    from tgl_soar.sim.inlined_functions import InnerCompiler
 
     return {
         "nogil": True,

@@ -60,8 +60,8 @@ from tgl_soar.sim.aircraft import (
     aircraft_model,
     gliding_state,
 )
+from tgl_soar.sim.flight_turbulence import flight_turbulence
 from tgl_soar.sim.flown_aircraft import FlownAircraft
-from tgl_soar.sim.met_turbulence import met_turbulence
 from tgl_soar.sim.point_mass import PointMass, point_mass, polar_misfit
 from tgl_soar.sim.sensor_sampling import NO_SAMPLES, flown_sensors
 from tgl_soar.sim.sensors import USUAL_SENSORS, Sensors
@@ -178,7 +178,7 @@ class World:
         unstalled = model.highest_pitch_glide().alpha_rad - atan2(calm[2], calm[0])
         self._launch_pitch_rad = min(self.trim.pitch_rad, unstalled)
         span_m = model.span_m if roll_gusts else None
-        met = met_turbulence(
+        met = flight_turbulence(
             turbulence, field.reference_wind_mps, length_scale_m, span_m, self._dt_s, seed
         )
         self.parts = Parts(

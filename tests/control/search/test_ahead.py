@@ -20,7 +20,7 @@ from tgl_soar.control.search.ahead import (
     air_at,
     line_speed,
 )
-from tgl_soar.estimation.lift_map.sinking import sink
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
 ETA = radians(105.0)

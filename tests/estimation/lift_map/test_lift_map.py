@@ -16,6 +16,7 @@ from tgl_soar.air.hill import HillField
 from tgl_soar.air.jet import SlopeJet
 from tgl_soar.config.files import load_airframe, load_site, shipped
 from tgl_soar.estimation.lift_map.basis import Box, Floats
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.estimation.lift_map.lift_map import (
     TREND_PER_S,
     TREND_S,
@@ -24,7 +25,6 @@ from tgl_soar.estimation.lift_map.lift_map import (
     lasting_s,
     root_of,
 )
-from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import GROUND_POINTS, NO_GROUND, Ground
 
 POLAR = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()

@@ -6,7 +6,7 @@
   random_aircraft      an aircraft unlike its file in air unlike its site's;  random_jet: a jet's
   spread_along_line    how far turbulence moves an aircraft along its line, by theory
   pages, staleness     docs/experiments.md and docs/aims.md;  whether they are of today's laws
-  further_probes       whether sections of other pages are
+  staleness_probes     whether sections of other pages are
 
 The first line of each file has the names by which `tgl-soar experiment` flies it:
   paper/               the paper's own

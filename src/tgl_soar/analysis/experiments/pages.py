@@ -69,7 +69,7 @@ DISPERSED_WORDS: Final = (
 
 def pages(results: Sequence[Result], ends: Callable[[str], Ends]) -> dict[str, str]:
     """The pages that have results, in Markdown by file name; ends: of a page's probes, as
-    `further_probes.probe_for_page`."""
+    `staleness_probes.probe_for_page`."""
     paper = [result for result in results if not result.own]
     aims = [result for result in results if result.own]
     written = {PAPER: page(paper, ends(PAPER))} if paper else {}

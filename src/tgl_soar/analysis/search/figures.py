@@ -13,7 +13,7 @@ from tgl_soar.analysis.report.smooth_map import beyond_the_edge
 from tgl_soar.analysis.search.episode import Episode
 from tgl_soar.analysis.search.places import SearchPlace
 from tgl_soar.analysis.search.searchers import Snapshot
-from tgl_soar.estimation.lift_map.sinking import sink
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.types import GlidePolar
 
 LEVELS: Final = np.linspace(-3.0, 3.0, 13)

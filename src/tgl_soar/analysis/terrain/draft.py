@@ -30,7 +30,7 @@ from tgl_soar.analysis.terrain.profile import ReducedProfile, reduced
 from tgl_soar.config.site import OBLIQUE_DEG, GroundProfile, SiteOrigin
 from tgl_soar.control.envelope import clearance
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.estimation.lift_map.sinking import sink
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.geometry import SoaringFrame, ned_from_soaring, wrap_angle
 from tgl_soar.types import GlidePolar
 

@@ -29,8 +29,8 @@ from tgl_soar.config.line_changes import SIDES
 from tgl_soar.config.parameters import INDEX, PARAMETERS
 from tgl_soar.control.search.rollout import floor_at
 from tgl_soar.estimation.lift_map.basis import Box
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
-from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar, Ground
 
 CELLS: Final = 40  # nodes of the grid, along its longer side

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from tgl_soar.estimation.lift_map.basis import Floats
-from tgl_soar.estimation.lift_map.sinking import sink_at
+from tgl_soar.estimation.lift_map.extended_polar import sink_at
 from tgl_soar.types import GRAVITY_MPS2, GlidePolar
 
 Numbers = Any  # an array, or where it is compiled one number

@@ -42,8 +42,8 @@ from tgl_soar.control.search.ahead import (
 )
 from tgl_soar.control.target_line import LineLimits, LineState
 from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
+from tgl_soar.estimation.lift_map.extended_polar import sink, sink_slope
 from tgl_soar.estimation.lift_map.lift_map import lasting_s
-from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
 from tgl_soar.types import GlidePolar, Ground
 
 NODES_ALONG_H: Final = 24  # of the grid: half a pole's depth apart

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgl_soar.estimation.lift_map.basis import Box, Floats, FlowBasis
-from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
+from tgl_soar.estimation.lift_map.extended_polar import sink, sink_slope
 from tgl_soar.types import GlidePolar, Ground
 
 STREAMLINE_MPS: Final = 0.8  # through the ground, in a wind of 9 m/s

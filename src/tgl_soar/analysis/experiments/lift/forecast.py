@@ -38,7 +38,7 @@ from tgl_soar.control.forecast import (
     nowhere,
 )
 from tgl_soar.control.target_line import eta_from_lean
-from tgl_soar.estimation.lift_map.sinking import sink
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.types import GRAVITY_MPS2, NO_AIR, GlidePolar, Ground, VehicleState
 
 FloatArray = NDArray[np.float64]

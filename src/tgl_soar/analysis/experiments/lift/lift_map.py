@@ -20,8 +20,8 @@ from tgl_soar.analysis.experiments.result import Claim, Result, Table
 from tgl_soar.analysis.search.places import PUBLISHED, Kind, SearchPlace, place
 from tgl_soar.config.files import load_airframe, shipped
 from tgl_soar.estimation.lift_map.basis import Box
+from tgl_soar.estimation.lift_map.extended_polar import sink
 from tgl_soar.estimation.lift_map.lift_map import LiftMap, Reading
-from tgl_soar.estimation.lift_map.sinking import sink
 from tgl_soar.types import NO_GROUND, GlidePolar, Ground
 
 PLACES: Final[dict[Kind, int]] = {"tunnel": 20, "hill": 40}

@@ -16,7 +16,7 @@ from tgl_soar.sim.white_noise import NO_ROWS, roll_gusts_as_needed, turbulence_a
 from tgl_soar.sim.world_step import FlownTurbulence
 
 
-class MetTurbulence(NamedTuple):
+class FlightTurbulence(NamedTuple):
     """What blows, and what it is at the start."""
 
     turbulence: FlownTurbulence
@@ -24,7 +24,7 @@ class MetTurbulence(NamedTuple):
     roll_gust_radps: float
 
 
-CALM: Final = MetTurbulence(
+CALM: Final = FlightTurbulence(
     FlownTurbulence(
         blows=False,
         params=DrydenParams(1.0, 0.0, 0.0, 0.0),
@@ -37,14 +37,14 @@ CALM: Final = MetTurbulence(
 )
 
 
-def met_turbulence(
+def flight_turbulence(
     intensity: float,
     wind_mps: float,
     scale_m: float,
     span_m: float | None,
     dt_s: float,
     seed: int,
-) -> MetTurbulence:
+) -> FlightTurbulence:
     """Drawn as it is needed, by a seed.
 
     intensity: Dryden's, as a fraction of the reference wind; 0: it is calm.  span_m: of the
@@ -59,4 +59,4 @@ def met_turbulence(
         rolls = roll_gust_params(intensity, wind_mps, scale_m, span_m, dt_s)
     roll_gust, rolling = roll_gusts_as_needed(rolls, seed)
     blown = FlownTurbulence(blows=True, params=params, white=white, rolls=rolls, rolling=rolling)
-    return MetTurbulence(blown, eddies, roll_gust)
+    return FlightTurbulence(blown, eddies, roll_gust)

@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 
 from tgl_soar.air.gusts import DRYDEN_STILL, NO_ROLL_GUST, dryden_params, roll_gust_params
-from tgl_soar.sim.met_turbulence import CALM, met_turbulence
+from tgl_soar.sim.flight_turbulence import CALM, flight_turbulence
 from tgl_soar.sim.white_noise import RowsAsNeeded
 
 WIND_MPS, SCALE_M, SPAN_M, DT_S = 8.5, 1.5, 1.1, 0.005
 
 
 def test_without_an_intensity_it_is_calm() -> None:
-    met = met_turbulence(0.0, WIND_MPS, SCALE_M, SPAN_M, DT_S, 1)
+    met = flight_turbulence(0.0, WIND_MPS, SCALE_M, SPAN_M, DT_S, 1)
     assert met is CALM
     assert not met.turbulence.blows
     assert (met.eddies, met.roll_gust_radps) == (DRYDEN_STILL, 0.0)
     assert met.turbulence.rolls == NO_ROLL_GUST
     # However calm, a field without a wind of its own may be flown in.
-    assert met_turbulence(0.0, 0.0, 0.0, None, DT_S, 1) is CALM
+    assert flight_turbulence(0.0, 0.0, 0.0, None, DT_S, 1) is CALM
 
 
 def test_it_blows_by_drydens_coefficients_and_rolls_over_the_span() -> None:
-    met = met_turbulence(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S, 1)
+    met = flight_turbulence(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S, 1)
     assert met.turbulence.blows
     assert met.turbulence.params == dryden_params(0.03, WIND_MPS, SCALE_M, DT_S)
     assert met.turbulence.rolls == roll_gust_params(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S)
@@ -34,8 +34,8 @@ def test_it_blows_by_drydens_coefficients_and_rolls_over_the_span() -> None:
 
 
 def test_without_a_span_it_does_not_roll_and_blows_as_before() -> None:
-    met = met_turbulence(0.03, WIND_MPS, SCALE_M, None, DT_S, 1)
-    rolling = met_turbulence(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S, 1)
+    met = flight_turbulence(0.03, WIND_MPS, SCALE_M, None, DT_S, 1)
+    rolling = flight_turbulence(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S, 1)
     assert met.turbulence.rolls == NO_ROLL_GUST
     assert met.roll_gust_radps == 0.0
     assert (met.eddies, met.turbulence.params) == (rolling.eddies, rolling.turbulence.params)
@@ -43,7 +43,7 @@ def test_without_a_span_it_does_not_roll_and_blows_as_before() -> None:
 
 def test_it_is_drawn_by_its_seed() -> None:
     one, same, other = (
-        met_turbulence(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S, seed) for seed in (1, 1, 2)
+        flight_turbulence(0.03, WIND_MPS, SCALE_M, SPAN_M, DT_S, seed) for seed in (1, 1, 2)
     )
     assert (one.eddies, one.roll_gust_radps) == (same.eddies, same.roll_gust_radps)
     assert one.eddies != other.eddies

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tgl_soar.config.files import load_airframe, shipped
-from tgl_soar.estimation.lift_map.sinking import sink, sink_slope
+from tgl_soar.estimation.lift_map.extended_polar import sink, sink_slope
 from tgl_soar.types import polar_sink, polar_slope
 
 POLAR = load_airframe(shipped("airframes/eclipson_c.toml")).polar.as_polar()
