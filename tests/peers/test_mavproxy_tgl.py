@@ -32,7 +32,7 @@ def flight(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[Sce
 
 def asked(station: MavProxy, line: str, answer: str) -> None:
     """A line typed until it is answered: a radio may lose all that was printed about it."""
-    for _ in range(4):
+    for _ in range(8):
         since = station.type(line)
         until = time.monotonic() + 12.0
         while time.monotonic() < until:

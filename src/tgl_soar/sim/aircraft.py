@@ -193,7 +193,7 @@ class Glide(NamedTuple):
 
 
 _METADATA = ("mass_kg", "wing_area_m2", "span_m", "chord_m", "ixx_kgm2", "iyy_kgm2", "izz_kgm2")
-_POSITIVE = (*_METADATA, "CL_alpha", *POSITIVE_KEYS)
+_POSITIVE = (*_METADATA, "air_density_kgpm3", "CL_alpha", *POSITIVE_KEYS)
 _MAY_BE_MISSING = (*OF_THE_BRAKE, *OF_THE_PROPELLER)
 
 

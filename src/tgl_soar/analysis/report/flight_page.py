@@ -252,9 +252,11 @@ def _spectra_words(analysis: Analysis) -> str:
         )
     if analysis.updraft is not None:
         words += f" Updraft over {analysis.updraft.seconds:.0f} s."
+    if analysis.tracking is None and analysis.updraft is None:
+        return words
     return words + (
-        " Dotted: where frequency times density is largest. Around there most of the power is, if"
-        " frequencies are counted in octaves; the curve itself may be higher elsewhere."
+        " Dotted: where density times frequency is largest, so that most of the power lies around"
+        " it; the curve itself may be higher elsewhere."
     )
 
 
