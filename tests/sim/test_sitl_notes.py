@@ -141,6 +141,21 @@ def test_what_a_search_has_found_is_said() -> None:
     ]
 
 
+def test_a_line_that_moves_meanwhile_is_not_taken_for_an_answer_to_a_fault() -> None:
+    telemetry = LastTelemetry(time_s=60.0)
+    telemetry.reported = [
+        (19.0, "capturing: line moves"), (21.0, "soaring: on the line"),
+        (22.0, "capturing: line moves"), (22.1, "holding: gap"), (24.0, "soaring: on the line"),
+    ]  # fmt: skip
+    (words,) = fault_words(options(faults=("position.dropout start=20 for=1",)), telemetry)
+    assert words.endswith(
+        ": the module reported holding: gap (22.1 s); soaring: on the line (24.0 s)"
+    )
+    telemetry.reported = telemetry.reported[:3]
+    (words,) = fault_words(options(faults=("position.dropout start=20 for=1",)), telemetry)
+    assert words.endswith(": the module reported nothing")
+
+
 def test_each_fault_is_said_with_what_the_module_reported() -> None:
     telemetry = LastTelemetry(time_s=60.0)
     telemetry.reported = [

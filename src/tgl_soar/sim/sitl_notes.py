@@ -23,6 +23,9 @@ AFTER_S: Final = 5.0  # so long after a fault is over, what is reported may stil
 MODULE: Final = "tgl_soar: "
 # What a module says at every start, or of what belongs to this simulation.
 USUAL: Final = ("code:", "parameters changed over the air", "listening on", "OptiTrack:")
+# What belongs to a line that is moved, and to no fault.
+MOVES: Final = "capturing: line moves"
+STANDS: Final = "soaring: on the line"
 BREAKS_OFF: Final = "breaking off: "
 STARTED: Final = ("boot", "standby:", "ready:")
 
@@ -99,9 +102,10 @@ def _reported(fault: Fault, telemetry: LastTelemetry) -> str:
     if not fault.start_s <= telemetry.time_s:
         return f"not injected: the flight was over at {telemetry.time_s:.1f} s"
     until_s = fault.end_s + AFTER_S
-    texts = [
-        f"{text} ({time_s:.1f} s)"
-        for time_s, text in telemetry.reported
-        if fault.start_s <= time_s <= until_s
-    ]
+    texts, before = [], ""
+    for time_s, text in telemetry.reported:
+        is_of_the_line = text == MOVES or (before, text) == (MOVES, STANDS)
+        if fault.start_s <= time_s <= until_s and not is_of_the_line:
+            texts.append(f"{text} ({time_s:.1f} s)")
+        before = text
     return "the module reported " + ("; ".join(texts) or "nothing")
