@@ -182,7 +182,7 @@ def test_a_leg_that_did_not_settle_is_an_exit_code(
     assert flown == []
     ended = SimpleNamespace(
         scores=[SimpleNamespace(settled=False)],
-        flown=[SimpleNamespace(by_hand=False, broken_off=False)],
+        flown=[SimpleNamespace(by_hand=False, broken_off=False, released="")],
         landing=None,
     )
     monkeypatch.setattr(module, "_fly", lambda _options: ended)
@@ -193,6 +193,13 @@ def test_a_leg_that_did_not_settle_is_an_exit_code(
     assert shown == [ended]
     ended.flown[0].by_hand = True
     assert run() == (0, "")
+    ended.flown[0].leg, ended.flown[0].released = SimpleNamespace(name="b"), "too low"
+    code, output = run()
+    assert (code, output.split()) == (
+        1,
+        ["error:", "b:", "the", "module", "disengaged:", "too", "low"],
+    )
+    ended.flown[0].released = ""
     ended.landing = Landing(time_s=30.0, along_m=4.7, across_m=0.4, sink_mps=0.7)
     assert run() == (0, "")
     ended.landing = Landing(time_s=30.0, along_m=-12.0, across_m=0.4, sink_mps=0.7)
@@ -274,7 +281,8 @@ def test_the_legs_are_shown_in_centimetres(
     flight: Any = SimpleNamespace(
         scores=scores,
         flown=[
-            SimpleNamespace(by_hand=by_hand, broken_off=False) for by_hand in (False, False, True)
+            SimpleNamespace(by_hand=by_hand, broken_off=False, released="")
+            for by_hand in (False, False, True)
         ],
         landing=None,
         notes=("a note [of brackets]",),
@@ -304,7 +312,7 @@ def test_a_leg_that_a_landing_has_ended_is_shown_with_the_landing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(sitl_table, "console", Console(width=200))
-    leg: Any = SimpleNamespace(by_hand=False, broken_off=True)
+    leg: Any = SimpleNamespace(by_hand=False, broken_off=True, released="")
     flight: Any = SimpleNamespace(
         scores=[score("a", settling_s=settles)],
         flown=[leg],

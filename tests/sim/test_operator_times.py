@@ -592,6 +592,27 @@ def test_where_it_was_to_be_seen_it_is_watched_for_so_long() -> None:
     assert again.operator.flown[0].stopped_s == 2.0
 
 
+@pytest.mark.parametrize("why", ["too low", ""])
+def test_where_a_fault_was_injected_a_module_that_disengages_ends_the_flight(why: str) -> None:
+    wire = Wire([LEG], is_disturbed=True)
+    wire.engaged()
+    wire.stands(2.0)
+    if why:
+        released(wire, 3.0, why)
+    else:
+        wire.shows(3.0, soar_x=0.0)
+        wire.has(OP_ENGAGE=0.0)
+        wire.settle(3.0)
+    wire.shows(4.9, soar_x=0.0)
+    wire.settle(4.9)
+    assert not wire.operator.done
+    wire.shows(5.0, soar_x=0.0)
+    wire.settle(5.0)
+    assert wire.operator.done
+    flown = wire.operator.flown[0]
+    assert (flown.ended_s, flown.released) == (3.0, why or "its reason was not received")
+
+
 @pytest.mark.parametrize("why", ["attitude lost", "position lost", "autopilot silent"])
 def test_after_a_hiccup_the_leg_is_repeated_once_the_module_is_ready(why: str) -> None:
     wire = Wire([LEG], again=1)

@@ -451,6 +451,20 @@ def test_a_leg_that_never_settles_fails_unless_another_operator_has_moved_it(
     assert passed(flight) == by_hand
 
 
+def test_a_leg_on_which_the_module_disengaged_is_not_passed_though_it_had_settled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = {"TGL_X": 0.5, "TGL_Z": 1.2, "TGL_LEAN": 0.0}
+    for released in ("", "too low"):
+        flight, _ = flight_of(
+            options(tmp_path / released, legs=("a",)),
+            monkeypatch,
+            lambda o, why=released: [stood(o, 0, found=here, released=why)],  # type: ignore[misc]
+        )
+        assert flight.scores[0].settled
+        assert passed(flight) == (not released)
+
+
 def test_what_the_machine_has_interrupted_is_noted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

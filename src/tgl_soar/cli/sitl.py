@@ -387,7 +387,9 @@ def _fly_to_the_end(options: SitlOptions, *, report: bool) -> None:
     _write_pages(options, flight, report=report)
     if not passed(flight):
         why = "" if flight.landing is None else flight.landing.fault()
-        fail(why or "a leg did not settle", 1)
+        ends = [f"{each.leg.name}: the module disengaged: {each.released}"
+                for each in flight.flown if each.released]  # fmt: skip
+        fail("; ".join(ends) or why or "a leg did not settle", 1)
 
 
 def _fly(options: SitlOptions) -> SitlFlight:

@@ -38,6 +38,8 @@ def show_flight(options: SitlOptions, flight: SitlFlight) -> None:
         settled = f"{score.settling_s:.1f} s" if score.settled else "[red]not held[/red]"
         if flown.broken_off and not score.settled:
             settled = "broken off"
+        if flown.released:
+            settled = "[red]disengaged[/red]"
         table.add_row(
             score.name,
             "moved by hand" if flown.by_hand else settled,

@@ -25,6 +25,7 @@ LEG_TIMEOUT_S = 40.0  # for a line that stands to begin to move, or to be at its
 HOME_TIMEOUT_S = 180.0  # from breaking off to the ground
 SEARCH_TIMEOUT_S = 120.0  # for a search to find one
 WORDS_S = 0.5  # the reason of a release may come after it
+DISTURBED_S = 2.0  # so long it looks on where a fault has made the module disengage
 READY_S = 60.0  # a crashed aircraft lies for 10 s and is carried back to the start
 READY = 2.0  # of soar_mode
 HOMEWARD = (BREAKING_OFF, LANDING)  # the same
@@ -71,6 +72,7 @@ class FlownLeg:
     ended_s: float = float("nan")
     by_hand: bool = False  # another ground station has moved the line meanwhile
     broken_off: bool = False  # the module has left for the landing place before it was over
+    released: str = ""  # why the module has disengaged, where a fault was to show what it does
     # The line that a search has found, or that another ground station has moved it to.
     found: dict[str, float] = field(default_factory=dict)
     moved_s: float = float("-inf")  # when that was last seen to move
@@ -174,6 +176,13 @@ class LastTelemetry:
         return checks[-1].strip() if checks else self.words()
 
 
+def disengaged(telemetry: LastTelemetry) -> OperatorError:
+    """That of a module which has disengaged by itself."""
+    words = telemetry.words()
+    is_of_machine = any(hiccup in words for hiccup in HICCUPS)
+    return OperatorError(f"the module disengaged by itself: {words}", is_of_machine=is_of_machine)
+
+
 class Operator:
     """Flies a plan of legs.
 
@@ -191,11 +200,13 @@ class Operator:
         again: int = 0,
         watch_s: float | None = None,
         goes_home: bool = False,
+        is_disturbed: bool = False,
     ) -> None:
         """`when_armed`: it engages nothing before the vehicle is armed.  `again`: so often it
         engages again and repeats the leg where a hiccup of the machine has ended the flight.
         `watch_s`: where the module disengages by itself it looks on for so long, and is done.
-        `goes_home`: after the last leg it breaks off, and the module lands."""
+        `goes_home`: after the last leg it breaks off, and the module lands.  `is_disturbed`: faults
+        are injected, so that a module that disengages ends the flight, and is no error."""
         self.telemetry = LastTelemetry()
         self.hiccups: list[str] = []  # the report of each
         self.flown: list[FlownLeg] = []
@@ -205,6 +216,7 @@ class Operator:
         self._again = again
         self._watch_s = watch_s
         self._goes_home = goes_home
+        self._is_disturbed = is_disturbed
         self._homeward_s = float("nan")
         self._texts_before = 0  # of those that were received before it broke off
         self._released_s = float("nan")
@@ -328,8 +340,10 @@ class Operator:
                 self._stage = "watch"
             elif isfinite(self._homeward_s):
                 self._stage = "down"
+            elif self._is_disturbed:
+                self._stage, self._watch_s = "watch", DISTURBED_S
             elif self._again <= len(self.hiccups):
-                raise self._disengaged()
+                raise disengaged(self.telemetry)
 
     def _legs_flown(self) -> None:
         """All of them: it is over, or the way home begins."""
@@ -379,15 +393,8 @@ class Operator:
             self.done = True
         elif self.telemetry.time_s - self._released_s >= WORDS_S:
             if reason:
-                raise self._disengaged()
+                raise disengaged(self.telemetry)
             self.done = True  # its words are lost, and the truth will tell
-
-    def _disengaged(self) -> OperatorError:
-        words = self.telemetry.words()
-        is_of_machine = any(hiccup in words for hiccup in HICCUPS)
-        return OperatorError(
-            f"the module disengaged by itself: {words}", is_of_machine=is_of_machine
-        )
 
     # --- a module that has disengaged, and what it is asked for ---------------------------
 
@@ -400,6 +407,9 @@ class Operator:
                 flown.stopped_s = flown.asked_s
             if not isfinite(flown.ended_s):
                 flown.ended_s = self._released_s
+            if self._is_disturbed:
+                reason = self.telemetry.reason().removeprefix("released: ")
+                flown.released = reason or "its reason was not received"
             self.done = True
 
     def _recover(self) -> None:
@@ -408,7 +418,7 @@ class Operator:
         if self._stage == "released" and since_s >= WORDS_S:
             reason = self.telemetry.reason()
             if not any(hiccup in reason for hiccup in HICCUPS):
-                raise self._disengaged()
+                raise disengaged(self.telemetry)
             self.hiccups.append(reason)
             self._stage = "again"
         elif self._stage == "again" and self.telemetry.shown("soar_mode") == READY:

@@ -149,6 +149,7 @@ def fly(options: SitlOptions, progress: Callable[[Operator], None]) -> SitlFligh
         watch_s=options.watch_s,
         goes_home=options.goes_home,
         again=AGAIN if options.realtime and not options.faults and options.kill_s is None else 0,
+        is_disturbed=bool(options.faults) and options.watch_s is None,
     )
     processes = SitlProcesses(options.out)
     killed_s = _fly(options, truth_file, operator, processes, progress)
@@ -285,7 +286,7 @@ def _landing(operator: Operator, values: ParameterSet, truth: dict[str, Floats])
 def passed(flight: SitlFlight) -> bool:
     """Whether every leg settled that nobody has moved or ended, and a landing was well."""
     held = all(
-        score.settled or flown.by_hand or flown.broken_off
+        (score.settled or flown.by_hand or flown.broken_off) and not flown.released
         for score, flown in zip(flight.scores, flight.flown, strict=True)
     )
     return held and (flight.landing is None or flight.landing.is_well)

@@ -65,7 +65,7 @@ def place_words(
             continue
         least_m = AWAY_M + drift_m
         away = score.crossing_m > max(least_m, SIGMAS * score.dispersion_m)
-        if away and not (holds or changes or leg.broken_off or leg.by_hand):
+        if away and not (holds or changes or leg.broken_off or leg.released or leg.by_hand):
             where = f"still {score.crossing_m:.1f} m from its place"
             yield f"{score.name}: {where}: give a longer --stay"
 
