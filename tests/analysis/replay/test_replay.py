@@ -546,7 +546,7 @@ def test_several_logs_are_a_line_each(path: Path, tmp_path: Path) -> None:
     assert well.exit_code == 0, well.output
     assert run.invoke(app, ["replay", str(path), str(damaged)]).exit_code == 1
     refused = run.invoke(app, ["replay", str(path), str(path), "--compile"])
-    assert "--compile goes with one log" in refused.stderr
+    assert "one log at a time with --compile: 2 are named" in refused.stderr
 
 
 def test_a_table_of_logs_says_where_it_comes_from(
