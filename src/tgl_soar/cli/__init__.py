@@ -4,7 +4,7 @@
   commands             every command and the file that it is in: one is loaded when asked for
   console              where commands print, and how they fail
   conversation         talking to an autopilot on the ground: options of preflight, surfaces, align
-  log_argument         the LOG of a command: a file or a folder, and the airframe that it holds
+  log_argument         the LOG of a command: a file or a folder, and the files that it holds
   batch_options        options of what flies many flights: campaign, experiment, rare
 
 Commands of more than one file, and what goes with one

@@ -1,13 +1,16 @@
-"""The LOG of a command that takes one: a file, or a folder for the newest log in it."""
+"""The LOG of a command that takes one: a file, or a folder for the newest log in it; and the site
+and airframe files that it holds."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from tgl_soar.cli.console import fail, hint
 from tgl_soar.config.airframe import Airframe
-from tgl_soar.config.files import airframe_from, load_airframe
+from tgl_soar.config.files import ConfigError, airframe_from, load_airframe
+from tgl_soar.config.site import Site
 from tgl_soar.onboard.flightlog.files import kept_in
 
 if TYPE_CHECKING:
@@ -62,6 +65,26 @@ def airframe_of(flight: FlightData, named: Path | None, log: Path) -> tuple[Airf
         raise LogError(f"{log}: holds no airframe file: name one with --airframe")
     name = f"{log}, airframe file"
     return airframe_from(text, name), text, name
+
+
+File = TypeVar("File", Site, Airframe)
+Files = tuple[Callable[[Path], File], Callable[[str, str], File]]  # from a path, from a text
+
+
+def of_the_log(
+    flight: FlightData, kind: str, path: Path | None, files: Files[File]
+) -> tuple[File | None, list[str]]:
+    """The named file, or the one that the log holds, and what is wrong with that."""
+    load, parse = files
+    if path is not None:
+        return load(path), []
+    text = flight.files.get(kind, "")
+    if not text:
+        return None, []
+    try:
+        return parse(text, f"{kind} file"), []
+    except ConfigError as error:
+        return None, [f"the log's own {kind} file is not understood: {error}"]
 
 
 def _written(path: Path) -> tuple[float, str]:

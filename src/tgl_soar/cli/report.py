@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME_FILE, SITE_FILE, errors, fail, say
-from tgl_soar.cli.log_argument import HELP, METAVAR, one_log
+from tgl_soar.cli.log_argument import HELP, METAVAR, of_the_log, one_log
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
@@ -28,7 +28,6 @@ from tgl_soar.config.site import GridAir, PolynomialAir, Site
 from tgl_soar.control.target_line import eta_from_lean
 
 if TYPE_CHECKING:
-    from tgl_soar.analysis.logs.flight_data import FlightData
     from tgl_soar.analysis.report.flight_report_figures import Surroundings
 
 STEPS = 10  # reading, reckoning, and the parts of the page
@@ -124,26 +123,6 @@ def write(log: Path, page: Path, named: Named, step: Callable[[str], None]) -> t
     analysis = analysis._replace(missing=(*analysis.missing, *notes, *more, *unread))
     write_page(page, analysis, step)
     return flight.lost
-
-
-_File = TypeVar("_File", Site, Airframe)
-_Files = tuple[Callable[[Path], _File], Callable[[str, str], _File]]  # from a path, from a text
-
-
-def of_the_log(
-    flight: FlightData, kind: str, path: Path | None, files: _Files[_File]
-) -> tuple[_File | None, list[str]]:
-    """The named file, or the one that the log holds, and what is wrong with that."""
-    load, parse = files
-    if path is not None:
-        return load(path), []
-    text = flight.files.get(kind, "")
-    if not text:
-        return None, []
-    try:
-        return parse(text, f"{kind} file"), []
-    except ConfigError as error:
-        return None, [f"the log's own {kind} file is not understood: {error}"]
 
 
 def _surroundings(

@@ -374,15 +374,18 @@ class Simulation(SteppedWorld):
             pixhawk.restart()
             if self._in_hand is not None:
                 self._in_hand.throw = IN_HAND
-        elif world.held and pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden():
+        elif world.held and self._is_taken():
             world.held = False
             self._events.append("launched: the surfaces are overridden")
 
+    def _is_taken(self) -> bool:
+        """Whether the module moves the surfaces."""
+        pixhawk = self.pixhawk
+        return pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden()
+
     def _throw(self, world: ThrownWorld) -> None:
         """The arm swings a while after the surfaces are overridden for the first time."""
-        pixhawk = self.pixhawk
-        taken = pixhawk.armed and pixhawk.mode == MANUAL and pixhawk.is_overridden()
-        if world.throw == IN_HAND and taken:
+        if world.throw == IN_HAND and self._is_taken():
             world.throw = IN_HAND._replace(time_s=world.time_s + THROW_AFTER_S)
             self._events.append(f"thrown in {THROW_AFTER_S:g} s: the surfaces are overridden")
         elif world.held and world.is_free:

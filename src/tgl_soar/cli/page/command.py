@@ -6,15 +6,15 @@ import ipaddress
 import secrets
 import socket
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeVar
+from typing import TYPE_CHECKING, Annotated, Final
 from urllib.parse import quote
 
 import typer
 
 from tgl_soar.analysis.logs.ulog_reader import LogError
 from tgl_soar.cli.console import AIRFRAME, AIRFRAME_FILE, SITE, SITE_FILE, fail, hint, say
+from tgl_soar.cli.log_argument import File, Files, of_the_log
 from tgl_soar.config.airframe import Airframe
 from tgl_soar.config.files import (
     ConfigError,
@@ -193,19 +193,13 @@ def recorded_desk(
     return Desk(shown, None, None, msgspec.json.encode(recording)), notes
 
 
-_File = TypeVar("_File", Airframe, Site)
-_Files = tuple[Callable[[Path], _File], Callable[[str, str], _File]]  # from a path, from a text
-
-
 def _shown_with(
-    flight: FlightData, kind: str, path: Path | None, default: Path, files: _Files[_File]
-) -> tuple[_File, list[str]]:
+    flight: FlightData, kind: str, path: Path | None, default: Path, files: Files[File]
+) -> tuple[File, list[str]]:
     """The file that a log is shown with, and what is to be known of it.
 
     Errors: `ConfigError`, also where the log's own is needed and not understood.
     """
-    from tgl_soar.cli.report import of_the_log
-
     own, unread = of_the_log(flight, kind, None, files)
     if path is not None:
         named = files[0](path)
