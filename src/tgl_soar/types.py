@@ -225,6 +225,7 @@ class AirEstimate(NamedTuple):
     updraft_sigma_mps: float
     measured: bool  # the airspeed comes from a pitot tube
     cross_wind_mps: float  # horizontal, along the soaring frame's y: positive to the right
+    trim_alpha_rad: float  # the angle of attack that the elevator holds; NaN: not known
 
 
 NO_AIR: Final = AirEstimate(
@@ -237,6 +238,7 @@ NO_AIR: Final = AirEstimate(
     updraft_sigma_mps=NAN,
     measured=False,
     cross_wind_mps=NAN,
+    trim_alpha_rad=NAN,
 )
 
 

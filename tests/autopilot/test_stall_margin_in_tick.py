@@ -24,6 +24,7 @@ WITH_IMU = Sensors(imu=MEMS_IMU, surfaces=READ_BACK)
 def air(wind_sigma_mps: float, updraft_sigma_mps: float, alpha_rad: float = 0.1) -> AirEstimate:
     return AirEstimate(
         cross_wind_mps=0.0,
+        trim_alpha_rad=alpha_rad,
         airspeed_mps=10.0,
         alpha_rad=alpha_rad,
         wind_mps=10.0,

@@ -15,6 +15,7 @@ from tgl_soar.control.airspeed_hold import (
     GlideState,
     glide_pitch_held,
     hold_step,
+    incidence_step,
     speed_pitch,
     speed_setpoint,
     stall_step,
@@ -26,8 +27,10 @@ V_MPS = 8.5
 ALPHA_RAD = 0.12  # of the shipped aircraft at that airspeed
 GLIDE_RAD = -0.05
 UNKNOWN_RAD = -0.07  # where the airframe's is not known
-PITCHES = GlidePitches(wanted_rad=GLIDE_RAD, slowest_rad=-0.02, fastest_rad=-0.25)
-NO_PITCHES = GlidePitches(nan, nan, nan)
+PITCHES = GlidePitches(
+    wanted_rad=GLIDE_RAD, slowest_rad=-0.02, fastest_rad=-0.25, most_alpha_rad=nan
+)
+NO_PITCHES = GlidePitches(nan, nan, nan, nan)
 GLIDING = NO_GLIDE._replace(speed_mps=V_MPS)
 SINK_MPS = 1.0  # of the slowest glide
 
@@ -45,6 +48,7 @@ def pitch_of(state: GlideState, airspeed_mps: float, *, measured: bool = True) -
 def test_before_a_glide_nothing_is_asked_for_learnt_or_amiss() -> None:
     assert isnan(NO_GLIDE.speed_mps)
     assert isnan(NO_GLIDE.sink_mps)
+    assert isnan(NO_GLIDE.trim_alpha_rad)
     nothing = (
         *(NO_GLIDE.integral_rad, NO_GLIDE.weave_rad, NO_GLIDE.stalling_s, NO_GLIDE.recovers_s),
         *(NO_GLIDE.flares, NO_GLIDE.stalled, NO_GLIDE.from_high),
@@ -195,6 +199,31 @@ def test_an_airspeed_that_is_not_measured_raises_no_nose_above_the_slowest_glide
     assert pitch_of(GLIDING, V_MPS - 1.0, measured=False) == pytest.approx(GLIDE_RAD - 0.05)
     unknown = speed_pitch(GLIDING, NO_PITCHES, UNKNOWN_RAD, fast_mps, False)
     assert unknown == pytest.approx(UNKNOWN_RAD + 0.15)
+
+
+def test_the_elevator_takes_the_nose_down_by_what_it_holds_beyond_the_slowest_approach() -> None:
+    pitches = PITCHES._replace(most_alpha_rad=0.15)
+    plain = speed_pitch(GLIDING, pitches, UNKNOWN_RAD, V_MPS, False)
+    for held_rad, lower_rad in ((0.14, 0.0), (0.15, 0.0), (0.18, 0.03), (0.25, 0.1), (nan, 0.0)):
+        state = GLIDING._replace(trim_alpha_rad=held_rad)
+        found = speed_pitch(state, pitches, UNKNOWN_RAD, V_MPS, False)
+        assert found == pytest.approx(plain - lower_rad)
+        # Of a measured airspeed, or an airframe whose incidence nobody knows, nothing is taken.
+        assert speed_pitch(state, pitches, UNKNOWN_RAD, V_MPS, True) == GLIDE_RAD
+        assert pitch_of(state, V_MPS, measured=False) == plain
+        # Nor is it put up out of a stall.
+        stalled = state._replace(recovers_s=1.0)
+        assert speed_pitch(stalled, pitches, UNKNOWN_RAD, V_MPS, False) == PITCHES.fastest_rad
+
+
+def test_what_the_elevator_holds_is_averaged_over_half_a_second() -> None:
+    state = incidence_step(GLIDING, 0.10, DT)
+    assert state.trim_alpha_rad == 0.10  # the first
+    for _ in range(round(0.5 / DT)):
+        state = incidence_step(state, 0.20, DT)
+    assert state.trim_alpha_rad == pytest.approx(0.20 - 0.10 * exp(-1.0))
+    assert isnan(incidence_step(state, nan, DT).trim_alpha_rad)
+    assert incidence_step(incidence_step(state, nan, DT), 0.12, DT).trim_alpha_rad == 0.12
 
 
 def test_where_the_airframe_is_not_known_another_pitch_is_held() -> None:

@@ -48,6 +48,7 @@ PARAMS = LandingParams(
     clearance_m=3.0,
     polar=POLAR,
     best_glide_mps=9.2,
+    stall_mps=7.0,
     speed_min_mps=6.0,
     heading_max_rad=radians(20.0),
     sigmas=2.0,
@@ -60,7 +61,7 @@ SLOWEST = 7.6 + landing.POLAR_BY_MPS
 
 
 def pitched(wanted_rad: float, slowest_rad: float = nan, fastest_rad: float = nan) -> GlidePitches:
-    return GlidePitches(wanted_rad, slowest_rad, fastest_rad)
+    return GlidePitches(wanted_rad, slowest_rad, fastest_rad, most_alpha_rad=nan)
 
 
 def at(time_s: float = 0.0, **changes: Any) -> VehicleState:

@@ -13,6 +13,7 @@ from tgl_soar.control import airspeed_hold, landing
 from tgl_soar.control.airspeed_error import NOSE_S, SPREAD_MPS, airspeed_error, error_sigma
 from tgl_soar.control.airspeed_hold import NO_GLIDE, GlideState
 from tgl_soar.control.landing import (
+    final_speed,
     glide_setpoints,
     glide_step,
     half_width,
@@ -122,6 +123,33 @@ def test_an_airspeed_that_is_not_measured_keeps_the_approach_at_the_best_glide()
     assert slowest_known(slow, False) == pytest.approx(SLOWEST)
 
 
+def test_the_straight_rest_is_flown_at_the_reference_speed_of_a_landing_if_not_measured() -> None:
+    """1.3 of the stall's speed, and never slower than the best glide."""
+    low = at(x_m=-20.0, y_m=0.0, z_m=landing.FINAL_M - 0.1)
+    for stall_mps, wanted_mps in ((7.5, 9.75), (6.9, 9.2), (nan, 9.2)):
+        params = PARAMS._replace(stall_mps=stall_mps)
+        assert final_speed(params, False) == pytest.approx(wanted_mps)
+        assert final_speed(params, True) == params.best_glide_mps
+        for measured, asked_mps in ((False, wanted_mps), (True, params.best_glide_mps)):
+            state = NO_GLIDE
+            for _ in range(400):
+                met = air(airspeed_mps=9.2, measured=measured)
+                state, _ = glide_step(params, state, False, True, low, met, inf, False, DT)
+            assert state.speed_mps == pytest.approx(asked_mps)
+
+
+def test_what_the_elevator_holds_is_kept_through_the_glide() -> None:
+    met = air(airspeed_mps=9.2, trim_alpha_rad=0.16)
+    state, _ = glide_step(PARAMS, NO_GLIDE, False, True, at(z_m=9.0), met, inf, False, DT)
+    assert state.trim_alpha_rad == 0.16
+    pitches = pitched(-0.05)._replace(most_alpha_rad=0.15)
+    found = [
+        glide_setpoints(PARAMS, each, False, True, pitches, at(z_m=9.0), met, inf).pitch_rad
+        for each in (state._replace(trim_alpha_rad=nan), state)
+    ]
+    assert found[1] == pytest.approx(found[0] - 0.01)
+
+
 def test_a_look_is_never_past_abeam_of_the_approach() -> None:
     """A bearing 60 degrees off a wind that has veered by 15 more leaves 15 degrees on that side."""
     veer, bearing = radians(15.0), radians(-60.0)
@@ -196,15 +224,15 @@ def steeper(
 
 def test_it_banks_steeper_high_up_alone() -> None:
     full_m = landing.STEEP_ABOVE_M + landing.STEEP_WITHIN_M
-    for over_m in (-1.0, 3.0, landing.STEEP_ABOVE_M):
+    for over_m in (-1.0, 0.5, landing.STEEP_ABOVE_M):
         assert steeper(over_m) == 0.0
     middle_m = landing.STEEP_ABOVE_M + 0.5 * landing.STEEP_WITHIN_M
     assert steeper(middle_m) == pytest.approx(0.5 * landing.STEEPER)
     for over_m in (full_m, 40.0):
         assert steeper(over_m) == pytest.approx(landing.STEEPER)
     assert steeper(full_m, weave_rad=-0.9) == pytest.approx(landing.STEEPER)
-    # Level in three seconds of the best glide's sink, before the straight rest.
-    assert 2.5 * polar_sink(POLAR, PARAMS.best_glide_mps) < landing.STEEP_ABOVE_M
+    # Half a second of the best glide's sink, before the straight rest.
+    assert 0.5 * polar_sink(POLAR, PARAMS.best_glide_mps) < landing.STEEP_ABOVE_M
 
 
 def test_it_banks_no_steeper_where_that_may_stall_it_or_is_of_no_use() -> None:

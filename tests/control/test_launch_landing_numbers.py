@@ -27,7 +27,7 @@ from test_launch_landing import (
     with_health,
 )
 
-from tgl_soar.control import launch
+from tgl_soar.control import landing, launch
 from tgl_soar.control import supervisor as modes
 from tgl_soar.control.airspeed_hold import NO_GLIDE, GlideSetpoints
 from tgl_soar.control.envelope import Limited, unlimited
@@ -55,7 +55,7 @@ from tgl_soar.control.supervisor import initial_supervisor
 from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState
-from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.estimation.aerodynamics import glide_alpha, glide_pitch
 from tgl_soar.types import OURS, THEIRS, THEIRS_WITH_RUDDER, SurfaceCommand
 
 # --- in the place of what would end a flight ----------------------------------------------------
@@ -408,7 +408,8 @@ def test_a_nose_is_held_two_degrees_below_its_setpoint_with_all_of_the_elevator(
 def test_the_pitches_are_those_of_steady_glides(
     monkeypatch: pytest.MonkeyPatch, mode: int, part: str, measured: bool
 ) -> None:
-    """Of the setpoint within the polar, of the slowest glide, and of the polar's fast end."""
+    """Of the setpoint within the polar, of the slowest glide, and of the polar's fast end; and the
+    angle of attack of the slowest one, whether it is measured or not."""
     asked = asked_of(monkeypatch, part)
     polar = LAWS.landing.polar
     stepped = "glide_step" if part == "glide_setpoints" else "beat_step"
@@ -420,9 +421,9 @@ def test_the_pitches_are_those_of_steady_glides(
         pitches = asked[-1][0][3 if part == "beat_setpoints" else 4]
         within = min(max(speed, polar.speed_min_mps), polar.speed_max_mps)
         slowest = slowest_known(LAWS.landing, measured)
-        assert pitches == pytest.approx(
-            [glide_pitch(AERO, each) for each in (within, slowest, polar.speed_max_mps)]
-        )
+        steady = [glide_pitch(AERO, each) for each in (within, slowest, polar.speed_max_mps)]
+        most = glide_alpha(AERO, landing.slowest(LAWS.landing))
+        assert pitches == pytest.approx([*steady, most])
 
 
 def test_the_pitch_is_approached_by_the_slew_rate() -> None:

@@ -56,7 +56,7 @@ BEAT = BeatParams(
     veer_max_rad=radians(45.0),
 )
 TARGET = TargetLine(-20.0, 40.0, radians(105.0))
-PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15)
+PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15, most_alpha_rad=nan)
 
 
 class Way(NamedTuple):

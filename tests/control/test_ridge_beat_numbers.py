@@ -30,7 +30,7 @@ BEAT = BeatParams(
     asked=False, auto=True, aside=True, half_width_m=40.0, top_z_m=90.0, veer_max_rad=0.7
 )
 UPRIGHT = TargetLine(-20.0, 40.0, radians(90.0))
-PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15)
+PITCHES = GlidePitches(wanted_rad=-0.05, slowest_rad=-0.03, fastest_rad=-0.15, most_alpha_rad=nan)
 DT = 0.05
 FLOWN = NO_GLIDE._replace(speed_mps=SLOWEST)
 

@@ -16,11 +16,13 @@ from tgl_soar.estimation.aerodynamics import (
     braked,
     elevator_of_rate,
     elevator_room,
+    glide_alpha,
     glide_pitch,
     lift_drag,
+    stall_speed,
     trim_alpha,
 )
-from tgl_soar.types import Aerodynamics, GlidePolar, polar_sink
+from tgl_soar.types import NO_AERODYNAMICS, Aerodynamics, GlidePolar, polar_sink
 
 # A glider in all of whose numbers nothing cancels.
 PLANE = Aerodynamics(
@@ -127,11 +129,23 @@ def test_a_glide_s_pitch_is_that_at_which_lift_carries_the_weight(speed_mps: flo
 
     alpha = brentq(surplus_n, -0.5, 0.8, xtol=1e-13)
     assert glide_pitch(PLANE, speed_mps) == pytest.approx(alpha - slope)
+    assert glide_alpha(PLANE, speed_mps) == pytest.approx(alpha)
+
+
+def test_the_stall_s_speed_is_that_of_level_flight_with_the_most_lift_trimmed() -> None:
+    speed_mps, alpha = stall_speed(PLANE), PLANE.stall_alpha_rad
+    elevator = -(PLANE.Cm0 + PLANE.Cm_alpha * alpha) / PLANE.Cm_elevator
+    attached = PLANE._replace(stall_alpha_rad=9.0)
+    lift = lift_drag(attached, alpha, elevator)[0] * 0.5 * 1.2 * speed_mps**2 * 0.18
+    assert lift == pytest.approx(PLANE.mass_kg * PLANE.gravity_mps2)
+    assert isnan(stall_speed(NO_AERODYNAMICS))
+    assert isnan(stall_speed(PLANE._replace(CL0=-9.0)))  # it never carries itself
 
 
 def test_outside_its_polar_no_glide_is_known() -> None:
     for speed_mps in (5.9, 14.1, nan):
         assert isnan(glide_pitch(PLANE, speed_mps))
+        assert isnan(glide_alpha(PLANE, speed_mps))
     for speed_mps in (6.1, 13.9):
         assert not isnan(glide_pitch(PLANE, speed_mps))
 

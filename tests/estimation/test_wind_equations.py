@@ -255,6 +255,9 @@ def test_every_number_is_that_of_the_matrices(
     u, w = air(mean)
     assert estimate.airspeed_mps == pytest.approx(hypot(u, w))
     assert estimate.alpha_rad == pytest.approx(atan2(w, u))
+    damped = AERO.Cm_q * AERO.chord_m * VEHICLE.pitch_rate_radps / (2.0 * hypot(u, w))
+    held = -(AERO.Cm0 + AERO.Cm_elevator * deflection + damped) / AERO.Cm_alpha
+    assert estimate.trim_alpha_rad == pytest.approx(held, nan_ok=True)
     flat = hypot(mean[0] - VEHICLE.velocity_x_mps, VEHICLE.velocity_y_mps)
     assert estimate.excess_mps == pytest.approx(mean[1] - polar_sink(AERO.polar, flat))
     assert estimate.measured == (pitot is not None)

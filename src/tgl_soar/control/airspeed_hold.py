@@ -8,6 +8,16 @@ lower the nose by this and not raise it above theta_glide of the slowest V: drag
 of looks like speed, in a weave and near the stall, and to slow down for it is how a stall begins,
 while a pitch is certain to some tenths of a degree and keeps V by itself.
 
+**The elevator tells the incidence** that no airspeed does.  A wing that carries less than its file
+says, and an attitude that reads too low, let the aircraft slow down unseen; what it takes to hold
+the nose up they do not change.  Where V is not measured the nose goes down by as much as the
+elevator holds more than the slowest approach's angle of attack, averaged over INCIDENCE_S:
+
+    theta_sp −= max(0, alpha_t − alpha(V_slowest))        alpha_t: `aerodynamics.trim_alpha`
+
+A centre of gravity that is off by 2 % of the chord makes 1.8 degrees of that, and the slowest
+approach is 3 below the shipped wing's stall.
+
 **A stall** that came all the same is detected by the elevator: as far up as it may go while the
 nose stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then
 the nose goes down to the pitch of the fastest glide for RECOVER_S, where no wing stays stalled.
@@ -35,6 +45,7 @@ STALL_SINK_MPS: Final = 0.5  # more than the glide: sink that a gust makes is ha
 # From a stall at 6 m/s, sinking by 4: it falls on at 1.5 m/s^2 or more for each second that the
 # nose is down, and flies again from 7.6 m/s on.
 RECOVER_S: Final = 1.5
+INCIDENCE_S: Final = 0.5  # the short period, and gusts of some metres, are over in that
 
 
 class GlideState(NamedTuple):
@@ -46,6 +57,7 @@ class GlideState(NamedTuple):
     weave_rad: float  # heading from the wind, to the right; 0: it flies straight
     goes_right: bool  # from side to side
     sink_mps: float  # over the ground, averaged; NaN: not yet
+    trim_alpha_rad: float  # that the elevator holds, averaged; NaN: not known
     stalling_s: float  # for so long it has looked like a stall
     recovers_s: float  # so long the nose stays down
     stalled: bool  # it has, on this glide
@@ -54,11 +66,12 @@ class GlideState(NamedTuple):
 
 
 class GlidePitches(NamedTuple):
-    """theta_glide at three airspeeds; NaN: not known."""
+    """theta_glide at three airspeeds, and the angle of attack of one; NaN: not known."""
 
     wanted_rad: float  # of the setpoint's
     slowest_rad: float
     fastest_rad: float
+    most_alpha_rad: float  # of the slowest approach, measured or not
 
 
 class GlideSetpoints(NamedTuple):
@@ -77,6 +90,7 @@ NO_GLIDE: Final = GlideState(
     weave_rad=0.0,
     goes_right=True,
     sink_mps=NAN,
+    trim_alpha_rad=NAN,
     stalling_s=0.0,
     recovers_s=0.0,
     stalled=False,
@@ -132,10 +146,20 @@ def speed_pitch(
         pitch += KP * (airspeed_mps - state.speed_mps)
     if not measured and pitch > pitches.slowest_rad:  # false for NaN
         pitch = pitches.slowest_rad
+    if not measured and state.trim_alpha_rad > pitches.most_alpha_rad:  # false for NaN
+        pitch -= state.trim_alpha_rad - pitches.most_alpha_rad
     if state.recovers_s > 0.0:
         fastest = pitches.fastest_rad
         pitch = min(pitch, fastest if fastest == fastest else unknown_rad)
     return pitch
+
+
+def incidence_step(state: GlideState, trim_alpha_rad: float, dt_s: float) -> GlideState:
+    """The angle of attack that the elevator holds, averaged; what is not known forgets it."""
+    held = state.trim_alpha_rad
+    if held == held:
+        trim_alpha_rad = held + (1.0 - exp(-dt_s / INCIDENCE_S)) * (trim_alpha_rad - held)
+    return state._replace(trim_alpha_rad=trim_alpha_rad)
 
 
 def stall_step(

@@ -50,7 +50,8 @@ measured: what has come from HIGH_M turns at its widest until the end, and could
 
 The straight rest is as short as turning straight allows, for nothing corrects it but more speed:
 chi is no more than omega takes back until then.  It is flown at the best glide's speed at least,
-which the flare lives on: a weave takes speed that is not measured, and nobody knows of it.  Where
+which the flare lives on: a weave takes speed that is not measured, and nobody knows of it; and at
+REFERENCE of the stall's, where that is faster and V is not measured.  Where
 the air carries it, so that it sinks by less than a quarter of S, no weave brings it down: it goes
 on upstream by v_d >= OUT_MPS, and comes back where it sinks again.
 
@@ -86,6 +87,7 @@ from tgl_soar.control.airspeed_hold import (
     GlideState,
     glide_pitch_held,
     hold_step,
+    incidence_step,
     speed_pitch,
     speed_setpoint,
     stall_step,
@@ -132,13 +134,16 @@ BACK_MPS: Final = 2.0  # downwind, at most, of one that is beyond the straight r
 LOOK_MPS: Final = 0.5  # of sigma: the best glide is 0.8 m/s above the slowest approach
 LOOK_RAD: Final = 0.45
 LOOK_ABOVE_M: Final = 2.0  # 1.4 s to turn back in
+# Of the stall's speed, as landings are flown (14 CFR 23.73, 1996): the flare takes a tenth of it,
+# and a wing that carries a tenth less than its file says stalls at 1.05 of it.
+REFERENCE: Final = 1.3
 # 15 degrees in place of 10: the wing carries 1.035 of the weight, and its stall comes 1 % faster.
 # At 20 degrees it turns so well that the weave drifts back into the lift, and stays there.
 STEEPER: Final = 0.5
 STEEP_MPS: Final = 1.0  # of sigma: the best glide is 1.5 m/s faster than a stall
 STEEP_MAX_RAD: Final = radians(20.0)  # of a bank that is made steeper: 1.03 of the stall's speed
 STEEP_FRACTION: Final = 0.5  # of TILT_MAX, likewise: gusts and overshoots have the other half
-STEEP_ABOVE_M: Final = 4.0  # 8.5 m over the place: three seconds to be level in before the rest
+STEEP_ABOVE_M: Final = 1.0  # over the straight rest: 0.7 s to take back 5 degrees in
 STEEP_WITHIN_M: Final = 2.0
 OUT_MPS: Final = 1.0  # upstream, at least, of one that the air carries
 CARRIED: Final = 0.25  # of the polar's sink: sinking by less the air carries it
@@ -182,6 +187,7 @@ class LandingParams(NamedTuple):
     clearance_m: float  # soaring, and then too when it is nearer to the ground than this
     polar: GlidePolar
     best_glide_mps: float
+    stall_mps: float  # by the file, in level flight; NaN: not known
     speed_min_mps: float
     heading_max_rad: float
     sigmas: float  # of the wind, against which the way home is reckoned
@@ -211,6 +217,12 @@ def slowest(params: LandingParams) -> float:
 def slowest_known(params: LandingParams, measured: bool) -> float:
     """The same, which an airspeed that nobody measures keeps at the best glide's."""
     return slowest(params) if measured else max(slowest(params), params.best_glide_mps)
+
+
+def final_speed(params: LandingParams, measured: bool) -> float:
+    """The airspeed of the straight rest [m/s], at least: the flare lives on it."""
+    reference = 0.0 if measured else REFERENCE * params.stall_mps
+    return reference if reference > params.best_glide_mps else params.best_glide_mps
 
 
 def height_left(
@@ -371,6 +383,7 @@ def glide_step(
     wanted = approach_speed(params, low, vehicle, air) if known else params.best_glide_mps
     sink_mps = polar_sink(params.polar, slowest(params))
     state = stall_step(state, sink_mps, position_ok, nose_held, vehicle, dt_s)
+    state = incidence_step(state, air.trim_alpha_rad, dt_s)
     if state.stalled:
         wanted = max(wanted, params.best_glide_mps)
     speed = speed_setpoint(state, air.airspeed_mps, low, high, wanted)
@@ -379,7 +392,7 @@ def glide_step(
     fast = not air.measured and not from_high
     weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, fast, vehicle)
     if known and not outward and over_m <= 0.0:
-        wanted = max(wanted, params.best_glide_mps)
+        wanted = max(wanted, final_speed(params, air.measured))
     elif known and not outward:
         if wanted <= low:
             weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air, fast)

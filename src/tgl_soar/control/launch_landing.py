@@ -30,7 +30,13 @@ from tgl_soar.control.glide_home import (
     time_left,
 )
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
-from tgl_soar.control.landing import glide_setpoints, glide_step, slowest_known, steeper_bank
+from tgl_soar.control.landing import (
+    glide_setpoints,
+    glide_step,
+    slowest,
+    slowest_known,
+    steeper_bank,
+)
 from tgl_soar.control.lateral_schedule import lateral_bandwidth, sideways_gains
 from tgl_soar.control.launch import (
     NO_LAUNCH,
@@ -57,7 +63,7 @@ from tgl_soar.control.surface_loops import LoopsState, loops_begun
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.control.throttle import LOW_S
 from tgl_soar.control.wind_triangle import wind_speed
-from tgl_soar.estimation.aerodynamics import glide_pitch
+from tgl_soar.estimation.aerodynamics import glide_alpha, glide_pitch
 from tgl_soar.estimation.motion_state import FUTURE_S
 from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
 
@@ -432,6 +438,7 @@ def _glide_setpoints(
         wanted_rad=glide_pitch(aerodynamics, trimmed),
         slowest_rad=glide_pitch(aerodynamics, slowest_known(home, air.measured)),
         fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
+        most_alpha_rad=glide_alpha(aerodynamics, slowest(home)),
     )
     if mode == modes.BEATING:
         setpoints = beat_setpoints(home, glide, known, pitches, air)

@@ -24,7 +24,12 @@ from tgl_soar.control.ridge_beat import BeatParams
 from tgl_soar.control.soaring import SoaringGains, TrimGains
 from tgl_soar.control.target_line import LineLimits, TargetLine, eta_from_lean
 from tgl_soar.control.throttle import ThrottleParams
-from tgl_soar.estimation.aerodynamics import brake_sink, elevator_of_rate, elevator_room
+from tgl_soar.estimation.aerodynamics import (
+    brake_sink,
+    elevator_of_rate,
+    elevator_room,
+    stall_speed,
+)
 from tgl_soar.estimation.cross_wind import CrossWindParams
 from tgl_soar.estimation.ground_range import RangeGains
 from tgl_soar.estimation.health import HealthLimits
@@ -234,6 +239,7 @@ def _landing_params(
         clearance_m=values["ESC_CLEAR"],
         polar=aerodynamics.polar,
         best_glide_mps=values["DYN_BEST"] or values["SPEED_MIN"] + SLOW_BY_MPS,  # 0: not known
+        stall_mps=stall_speed(aerodynamics),
         speed_min_mps=values["SPEED_MIN"],
         heading_max_rad=radians(values["PSI_MAX"]),
         sigmas=values["ESC_SIGMA"],

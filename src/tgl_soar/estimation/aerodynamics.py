@@ -88,10 +88,19 @@ def brake_sink(aero: Aerodynamics) -> float:
 
 
 def glide_pitch(aero: Aerodynamics, horizontal_mps: float) -> float:
-    """Pitch [rad] of the steady glide at a horizontal airspeed [m/s]; NaN outside the polar.
+    """Pitch [rad] of the steady glide at a horizontal airspeed [m/s]; NaN outside the polar: the
+    angle of attack less the glide angle."""
+    return glide_alpha(aero, horizontal_mps) - atan2(
+        polar_sink(aero.polar, horizontal_mps), horizontal_mps
+    )
 
-    The lift that carries the weight gives alpha, with the elevator that trims it; pitch is alpha
-    less the glide angle.  The lift curve is taken as straight: near the stall it is too low.
+
+def glide_alpha(aero: Aerodynamics, horizontal_mps: float) -> float:
+    """Angle of attack [rad] of the steady glide at a horizontal airspeed [m/s]; NaN outside the
+    polar.
+
+    The lift that carries the weight gives it, with the elevator that trims it.  The lift curve is
+    taken as straight: near the stall it is too low.
     """
     sink = polar_sink(aero.polar, horizontal_mps)
     if not isfinite(sink):
@@ -101,5 +110,13 @@ def glide_pitch(aero: Aerodynamics, horizontal_mps: float) -> float:
     pressure_area = 0.5 * aero.air_density_kgpm3 * speed2 * aero.wing_area_m2
     cl = aero.mass_kg * aero.gravity_mps2 * cos(slope) / pressure_area
     trim = aero.CL_elevator / aero.Cm_elevator  # of the lift, for each unit of moment
-    alpha = (cl - aero.CL0 + trim * aero.Cm0) / (aero.CL_alpha - trim * aero.Cm_alpha)
-    return alpha - slope
+    return (cl - aero.CL0 + trim * aero.Cm0) / (aero.CL_alpha - trim * aero.Cm_alpha)
+
+
+def stall_speed(aero: Aerodynamics) -> float:
+    """The airspeed [m/s] of level flight at the stall, trimmed; NaN: not known."""
+    trim = aero.CL_elevator / aero.Cm_elevator
+    cl = aero.CL0 + aero.CL_alpha * aero.stall_alpha_rad
+    cl -= trim * (aero.Cm0 + aero.Cm_alpha * aero.stall_alpha_rad)
+    area = 0.5 * aero.air_density_kgpm3 * aero.wing_area_m2 * cl
+    return sqrt(aero.mass_kg * aero.gravity_mps2 / area) if area > 0.0 else NAN

@@ -249,7 +249,7 @@ def wind_step(
         airspeed_sequence=pitot.sequence,
         airspeed_time_s=pitot_time,
         refused=refused,
-    ), air
+    ), _with_trim(aero, air, elevator, vehicle.pitch_rate_radps)
 
 
 def _since(imu_time_s: float, now_s: float, dt_s: float) -> float:
@@ -517,4 +517,15 @@ def _estimate(
         updraft_sigma_mps=sqrt(max(0.0, z2)),
         measured=measured,
         cross_wind_mps=0.0,
+        trim_alpha_rad=NAN,
     )
+
+
+def _with_trim(
+    aero: Aerodynamics, air: AirEstimate, elevator: float, pitch_rate_radps: float
+) -> AirEstimate:
+    """The same with the angle of attack that the elevator holds."""
+    if not air.airspeed_mps > 0.0:  # NaN: not known
+        return air
+    held = trim_alpha(aero, elevator, pitch_rate_radps, air.airspeed_mps)
+    return air._replace(trim_alpha_rad=held)
