@@ -3,6 +3,7 @@
 
     python tools/measure_search.py ardupilot override --firmware .../bin/arduplane
     python tools/measure_search.py builtin
+    python tools/measure_search.py ardupilot override --firmware ... --budgets 0 25
 
 From each of `STARTS` and with each seed the aircraft is released, the module is told to search
 (SRCH_START) and to fly on for `STAY_S` after it has found a place.  Position by the firmware's own
@@ -13,6 +14,11 @@ estimator and satellites, 1 % turbulence.  By the truth:
     found         when the module says that it soars, likewise
     height lost   from there to the lowest place
     false claim   it said so at the end, and did not
+
+With `--budgets` an aircraft that has a propeller flies, each with such a THR_BUDGET, from
+`POWERED_START` in `POWERED_WIND_MPS`: there the lift of no line near it carries the aircraft.
+
+    throttle      the seconds of full throttle that the propeller got
 """
 
 from __future__ import annotations
@@ -21,7 +27,7 @@ import argparse
 import re
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from tgl_soar.analysis.search.scoring import SINKS_MPS, mean_climb, settling_s
 from tgl_soar.config.files import shipped
@@ -31,11 +37,44 @@ from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 # x, z [m]: behind the contour, above it, in the lift below it.  The wind is 8.3 to 8.9 m/s at each:
 # where it is 7 the aircraft could not stand, whatever it looks for.
 STARTS: Final = ((-3.0, 14.5), (-4.5, 16.5), (-6.0, 11.0))
+# Ten metres upstream of the nearest place, in a wind that it could stand in.
+POWERED_START: Final = (-21.0, 8.0)
+POWERED_WIND_MPS: Final = 9.5
 SEEDS: Final = (1, 2, 3)
 STAY_S: Final = 30.0
 WATCH_S: Final = 2.0  # where it gives up
 TURBULENCE: Final = 0.01
 END_S: Final = 10.0  # over which the last climb is averaged
+
+
+COLUMNS: Final = (
+    *("start", "budget", "seed", "soared", "settled", "found", "height lost", "false claim"),
+    "throttle",
+)
+
+
+class Search(NamedTuple):
+    """One of the table."""
+
+    start: tuple[float, float]
+    seed: int
+    budget_s: float | None = None  # of an aircraft with a propeller
+
+
+def searches(budgets_s: list[float], seeds: list[int]) -> list[Search]:
+    """All of them."""
+    if budgets_s:
+        return [Search(POWERED_START, seed, each) for each in budgets_s for seed in seeds]
+    return [Search(start, seed) for start in STARTS for seed in seeds]
+
+
+def site_text(hill: str, search: Search) -> str:
+    """The shipped hill with that start; with a budget in its wind, which has no contour."""
+    text = started_at(hill, *search.start)
+    if search.budget_s is None:
+        return text
+    text = re.sub(r"(?ms)^# Where excess updraft is zero.*", "", text)
+    return re.sub(r"(?m)^wind_mps = .*$", f"wind_mps = {POWERED_WIND_MPS}", text, count=1)
 
 
 def started_at(text: str, x_m: float, z_m: float) -> str:
@@ -46,19 +85,19 @@ def started_at(text: str, x_m: float, z_m: float) -> str:
     return text
 
 
-def options(
-    arguments: argparse.Namespace, start: tuple[float, float], seed: int, folder: Path
-) -> SitlOptions:
+def options(arguments: argparse.Namespace, search: Search, folder: Path) -> SitlOptions:
     """One search."""
     folder.mkdir(parents=True, exist_ok=True)
     site = folder / "start.toml"
-    site.write_text(started_at(shipped("sites/hill.toml").read_text(), *start))
+    site.write_text(site_text(shipped("sites/hill.toml").read_text(), search))
+    powered = search.budget_s is not None
     return SitlOptions(
-        airframe=shipped("airframes/eclipson_c.toml"),
+        airframe=shipped(f"airframes/eclipson_c{'_propeller' if powered else ''}.toml"),
         site=site,
         out=folder,
         stay_s=STAY_S,
-        seed=seed,
+        settings=(("THR_BUDGET", search.budget_s),) if search.budget_s is not None else (),
+        seed=search.seed,
         turbulence=TURBULENCE,
         autopilot=arguments.autopilot,
         firmware=arguments.firmware,
@@ -80,9 +119,11 @@ def row(flown: SitlOptions) -> str:
     on = bool(truth["flying"][rows].all()) and mean_climb(time_s, z_m, END_S) > SINKS_MPS
     words = re.findall(r"released: (.*)", (flown.out / "module.log").read_text(errors="replace"))
     claimed = f"{leg.stopped_s - begun_s:.1f} s" if claims else f"no: {words[-1:] or ['never']}"
+    throttle_s = float(truth["throttle"][rows].sum() * (truth["time_s"][1] - truth["time_s"][0]))
     return (
         f"| {'yes' if claims and on else 'no'} | {settling_s(time_s, z_m):.1f} s | {claimed}"
-        f" | {z_m[0] - z_m.min():.2f} m | {'yes' if claims and not on else 'no'} |"
+        f" | {z_m[0] - z_m.min():.2f} m | {'yes' if claims and not on else 'no'}"
+        f" | {throttle_s:.1f} s |"
     )
 
 
@@ -93,17 +134,20 @@ def main() -> int:
     parser.add_argument("route", nargs="?", help="the usual one where not given")
     parser.add_argument("--firmware", type=Path, metavar="PATH", help="its program")
     parser.add_argument("--out", type=Path, default=Path("out/searches"), help="folder")
+    parser.add_argument("--budgets", type=float, nargs="+", default=[], metavar="S")
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     arguments = parser.parse_args()
-    print("| start | seed | soared | settled | found | height lost | false claim |")
-    print("|---|---|---|---|---|---|---|")
-    for start in STARTS:
-        for seed in SEEDS:
-            name = f"{arguments.autopilot}-{arguments.route}-{start[0]:g}-{start[1]:g}-{seed}"
-            try:
-                found = row(options(arguments, start, seed, arguments.out / name))
-            except SitlError as error:
-                found = f"| not flown: {str(error).splitlines()[0]} | | | | |"
-            print(f"| {start[0]:g}, {start[1]:g} | {seed} {found}", flush=True)
+    print(f"| {' | '.join(COLUMNS)} |")
+    print("|" + "---|" * len(COLUMNS))
+    for search in searches(arguments.budgets, arguments.seeds):
+        x_m, z_m = search.start
+        budget = "–" if search.budget_s is None else f"{search.budget_s:g} s"
+        name = f"{arguments.autopilot}-{arguments.route}-{x_m:g}-{z_m:g}-{budget}-{search.seed}"
+        try:
+            found = row(options(arguments, search, arguments.out / name.replace(" ", "")))
+        except SitlError as error:
+            found = f"| not flown: {str(error).splitlines()[0]} | | | | | |"
+        print(f"| {x_m:g}, {z_m:g} | {budget} | {search.seed} {found}", flush=True)
     return 0
 
 

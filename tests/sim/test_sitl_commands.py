@@ -282,6 +282,23 @@ def test_a_leg_is_scored_from_when_its_line_stood_to_its_end() -> None:
     assert (score.mean_x_m, score.mean_z_m) == (1.0, 2.0)
 
 
+@pytest.mark.parametrize("ended_s", [0.0, 10.0, 9.97, 40.0, 41.0])
+def test_a_leg_that_was_over_at_once_is_scored_where_it_was(ended_s: float) -> None:
+    """A search that gives up at its first look lasts no longer than a row of the truth."""
+    time = np.linspace(0.0, 40.0, 401)
+    truth = {
+        "time_s": time,
+        "x_m": 1.0 + 0.1 * time,
+        "z_m": np.full(401, 2.0),
+        "y_m": np.zeros(401),
+        "roll_rad": np.zeros(401),
+    }
+    leg = flown(stopped_s=ended_s, ended_s=ended_s)
+    [score] = sitl._scores([leg], [(2.0, 2.0, pi / 2)], [None], truth)
+    assert score.mean_x_m == pytest.approx(1.0 + 0.1 * min(ended_s, 40.0), abs=0.011)
+    assert not score.settled
+
+
 OF_A_FLIGHT = (
     *("truth.csv", "summary.json", "flight.png", "search.png", "report.html", "companion.tlog"),
     *("bridge.log", "module.log", "page.log", "report-figures/numbers.json"),

@@ -249,7 +249,7 @@ def _scores(
     for leg, line, crossing in zip(flown, lines, crossings, strict=True):
         stood_since = leg.moved_s <= leg.ended_s - STOOD_S
         begin_s = max(leg.stopped_s, leg.moved_s) if stood_since else leg.stopped_s
-        rows = (truth["time_s"] >= begin_s) & (truth["time_s"] <= leg.ended_s)
+        rows = _rows_between(truth["time_s"], begin_s, leg.ended_s)
         scores.append(
             score_leg(
                 leg.leg.name,
@@ -263,6 +263,15 @@ def _scores(
             )
         )
     return scores
+
+
+def _rows_between(time_s: Floats, begin_s: float, end_s: float) -> NDArray[np.intp]:
+    """The rows of a leg; of one that was over at once the two last of the flight until then."""
+    rows = np.flatnonzero((time_s >= begin_s) & (time_s <= end_s))
+    if rows.size < 2:
+        last = min(max(int(np.searchsorted(time_s, end_s)), 1), time_s.size - 1)
+        rows = np.array([last - 1, last])
+    return rows
 
 
 def _is_scored(flown: FlownLeg, truth: dict[str, Floats]) -> bool:
