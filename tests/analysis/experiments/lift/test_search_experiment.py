@@ -9,7 +9,7 @@ import pytest
 
 from tgl_soar.analysis.experiments.lift import search as e
 from tgl_soar.analysis.experiments.result import Claim
-from tgl_soar.analysis.search.places import DURATION_S, KINDS
+from tgl_soar.analysis.search.places import DURATION_S, KINDS, SearchPlace
 from tgl_soar.analysis.search.scoring import Score
 
 FOUND = Score(
@@ -81,16 +81,39 @@ def test_each_place_is_walked_once_more_for_longer() -> None:
     assert min(e.GIVEN_S[kind] / DURATION_S[kind] for kind in KINDS) >= 2.0
 
 
-def test_places_that_do_not_soar_and_are_flown_over_to_the_end_are_told_apart() -> None:
-    nowhere = [replace(NEVER, seed=n, searcher=name) for n in range(3) for name in e.MANY]
-    nowhere += [replace(NEVER, seed=n, searcher=e.PATIENT) for n in range(3)]
+def test_who_still_flies_where_the_oracle_does_not_soar_is_flown_on_and_counts_as_it_ends() -> None:
+    nowhere = [replace(NEVER, seed=n, searcher=name) for n in range(5) for name in e.MANY]
+    nowhere += [replace(NEVER, seed=n, searcher=e.PATIENT) for n in range(5)]
+    soars = [replace(FOUND, seed=5, searcher=name) for name in (*e.MANY, e.PATIENT)]
     ours = [s for s in nowhere if s.searcher == e.MAP]
-    gave = [replace(ours[0], given_up="x", in_time=True), replace(ours[1], aloft=True), ours[2]]
-    scores = [s for s in nowhere if s.searcher != e.MAP] + gave
-    claim = next(c for c in e._claims("tunnel", scores) if "in time" in c.text)
+    flies = [replace(each, aloft=True) for each in ours[1:4]]
+    gave = [replace(ours[0], given_up="x", in_time=True), *flies, ours[4]]
+    scores = [s for s in nowhere if s.searcher != e.MAP] + gave + soars
+    jobs = e.undecided(scores)
+    assert [(job.kind, job.seed) for job in jobs] == [("tunnel", 1), ("tunnel", 2), ("tunnel", 3)]
+    assert {job.searcher for job in jobs} == {e.FLOWN_ON}
+    later = [replace(each, searcher=e.FLOWN_ON) for each in flies]
+    later = [replace(later[0], in_time=True), replace(later[1], soared=True), later[2]]
+    claim = next(c for c in e._claims("tunnel", scores + later) if "in time" in c.text)
     assert not claim.holds
-    assert claim.measured.startswith("1 of 3")
-    assert "; 2 with those that still flew" in claim.measured
+    assert claim.measured.startswith("3 of 5")
+    assert claim.measured.endswith("; 3 of them were flown on, of which 1 soar after 100 s")
+
+
+@pytest.mark.parametrize("called", [e.PATIENT, e.FLOWN_ON, e.MAP])
+def test_who_is_flown_on_flies_for_longer_in_the_same_air(
+    called: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[float, str]] = []
+
+    def fly(there: SearchPlace, name: str) -> tuple[Score]:
+        asked.append((there.duration_s, name))
+        return (FOUND,)
+
+    monkeypatch.setattr(e, "_flown", fly)
+    e.fly_search(e.SearchJob("tunnel", 1, called))
+    lasts_s = DURATION_S["tunnel"] if called == e.MAP else e.GIVEN_S["tunnel"]
+    assert asked == [(lasts_s, e.WALK if called == e.PATIENT else e.MAP)]
 
 
 @pytest.mark.parametrize(
