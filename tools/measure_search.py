@@ -110,14 +110,17 @@ def options(arguments: argparse.Namespace, search: Search, folder: Path) -> Sitl
 def row(flown: SitlOptions) -> str:
     """Of the table.  Errors: `SitlError`."""
     flight = fly(flown, lambda _: None)
-    leg, truth = flight.flown[0], flight.truth
+    truth = flight.truth
+    words = re.findall(r"released: (.*)", (flown.out / "module.log").read_text(errors="replace"))
+    if not flight.flown:  # it was over before there was a line
+        return f"| no | – | no: {words[-1:] or ['never']} | – | no | – |"
+    leg = flight.flown[0]
     end_s = leg.ended_s
     begun_s = truth["time_s"][truth["flying"] > 0.0][0]  # it is held until it is commanded
     rows = (truth["time_s"] >= begun_s) & (truth["time_s"] <= end_s)
     time_s, z_m = truth["time_s"][rows], truth["z_m"][rows]
     claims = bool(leg.found) and end_s - leg.stopped_s >= STAY_S - 0.5
     on = bool(truth["flying"][rows].all()) and mean_climb(time_s, z_m, END_S) > SINKS_MPS
-    words = re.findall(r"released: (.*)", (flown.out / "module.log").read_text(errors="replace"))
     claimed = f"{leg.stopped_s - begun_s:.1f} s" if claims else f"no: {words[-1:] or ['never']}"
     throttle_s = float(truth["throttle"][rows].sum() * (truth["time_s"][1] - truth["time_s"][0]))
     return (

@@ -410,13 +410,13 @@ def test_a_flight_that_ends_at_the_landing_place_is_as_good_as_its_landing(
     assert summary["legs"][0]["broken_off"]
 
 
-def test_a_search_that_was_broken_off_before_it_found_a_line_has_no_score(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("how", [{"broken_off": True, "stopped_s": nan}, {"broken_off": False}])
+def test_a_search_that_was_over_before_it_found_a_line_has_no_score(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: dict[str, Any]
 ) -> None:
+    """It broke off, or gave up and the module has disengaged."""
     flight, _ = flight_of(
-        options(tmp_path, search=True),
-        monkeypatch,
-        lambda o: [stood(o, 0, broken_off=True, stopped_s=nan)],
+        options(tmp_path, search=True), monkeypatch, lambda o: [stood(o, 0, **how)]
     )
     assert flight.scores == []
 

@@ -275,8 +275,9 @@ def _rows_between(time_s: Floats, begin_s: float, end_s: float) -> NDArray[np.in
 
 
 def _is_scored(flown: FlownLeg, truth: dict[str, Floats]) -> bool:
-    """Whether it stood on a line: a survey is on none, nor one that was broken off early."""
-    if flown.leg.surveys:
+    """Whether it stood on a line: a survey is on none, nor a search that was over before it moved
+    one, nor one that was broken off early."""
+    if flown.leg.surveys or (flown.leg.searches and not flown.found):
         return False
     if not flown.broken_off:
         return True
