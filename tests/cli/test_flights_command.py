@@ -66,7 +66,7 @@ def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
     stop.clear()
 
     def invoke(*options: str) -> Result:
-        words = ["campaign", "flights", "--processes", "0", "--flights", "5", "--legs", "a, b"]
+        words = ["campaign", "flights", "--workers", "0", "--flights", "5", "--legs", "a, b"]
         words += ["--turbulence", "0.01,0.03", "--out", str(tmp_path / "out"), *options]
         return CliRunner().invoke(app, words, env={"COLUMNS": "240"})
 

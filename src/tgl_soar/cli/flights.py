@@ -20,6 +20,7 @@ from tgl_soar.cli.batch_options import (
     Restart,
     Resume,
     Scheduler,
+    Workers,
     changes_of,
     executor_of,
     fly_folder,
@@ -36,13 +37,6 @@ from tgl_soar.sim.compiled import available
 
 TABLE: Final = "table.md"
 TABLE_CSV: Final = "table.csv"
-
-Processes = Annotated[
-    int,
-    typer.Option(
-        "--workers", "--processes", help="Processes that fly; 0: only this one.", min=0, max=256
-    ),
-]
 
 
 def flights(
@@ -74,7 +68,7 @@ def flights(
             min=0,
         ),
     ] = 1,
-    workers: Processes = ALL,
+    workers: Workers = ALL,
     scheduler: Scheduler = None,
     resume: Resume = False,
     restart: Restart = False,
