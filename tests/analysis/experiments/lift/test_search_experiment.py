@@ -97,7 +97,16 @@ def test_who_still_flies_where_the_oracle_does_not_soar_is_flown_on_and_counts_a
     claim = next(c for c in e._claims("tunnel", scores + later) if "in time" in c.text)
     assert not claim.holds
     assert claim.measured.startswith("3 of 5")
-    assert claim.measured.endswith("; 3 of them were flown on, of which 1 soar after 100 s")
+    assert claim.measured.endswith("; 3 of them flown on, 1 of which soar after 100 s")
+
+
+def test_where_all_are_decided_nothing_is_said_of_flying_on() -> None:
+    nowhere = [replace(NEVER, seed=n, searcher=s, in_time=True) for n in range(2) for s in e.MANY]
+    nowhere += [replace(NEVER, seed=n, searcher=e.PATIENT) for n in range(2)]
+    assert e.undecided(nowhere) == []
+    claim = next(c for c in e._claims("tunnel", nowhere) if "in time" in c.text)
+    assert claim.holds
+    assert claim.measured == "2 of 2 (16–100 %)"  # exactly: 0.025 ** 0.5 = 0.158
 
 
 @pytest.mark.parametrize("called", [e.PATIENT, e.FLOWN_ON, e.MAP])

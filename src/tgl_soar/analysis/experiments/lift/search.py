@@ -187,6 +187,14 @@ def _scored(context: Context, jobs: list[SearchJob]) -> list[Score]:
     return [replace(each, searcher=job.searcher) for job, each in zip(jobs, flown, strict=True)]
 
 
+def _flown_on(kind: Kind, later: dict[int, Score]) -> str:
+    """What became of those that were flown on, in words."""
+    if not later:
+        return ""
+    soar = sum(end.soared for end in later.values())
+    return f"; {len(later)} of them flown on, {soar} of which soar after {GIVEN_S[kind]:.0f} s"
+
+
 def undecided(scores: list[Score]) -> list[SearchJob]:
     """The searches that still flew high enough at the end where neither they nor the oracle soared:
     whether these give up in time is not known yet."""
@@ -258,9 +266,7 @@ def _claims(kind: Kind, scores: list[Score]) -> list[Claim]:
         Claim(
             f"given up in time in ≥ {100 * IN_TIME[kind]:.0f} % where the oracle does not soar",
             in_time >= IN_TIME[kind] * len(nowhere),
-            f"{fraction_text(in_time, len(nowhere))}; {len(later)} of them were flown on, of which"
-            f" {sum(end.soared for end in later.values())} soar"
-            f" after {GIVEN_S[kind]:.0f} s",
+            fraction_text(in_time, len(nowhere)) + _flown_on(kind, later),
         ),
         Claim(
             f"median settling ≤ {SETTLED_S[kind]:.0f} s",
