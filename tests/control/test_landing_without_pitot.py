@@ -138,8 +138,18 @@ def test_the_straight_rest_is_flown_at_the_reference_speed_of_a_landing_if_not_m
             assert state.speed_mps == pytest.approx(asked_mps)
 
 
+def test_the_straight_rest_is_flown_no_faster_than_the_polar_reaches() -> None:
+    params = PARAMS._replace(stall_mps=POLAR.speed_max_mps)
+    low = at(x_m=-20.0, y_m=0.0, z_m=landing.FINAL_M - 0.1)
+    state = NO_GLIDE
+    for _ in range(800):
+        met = air(airspeed_mps=9.2)
+        state, _ = glide_step(params, state, False, True, low, met, inf, False, DT)
+    assert state.speed_mps == POLAR.speed_max_mps
+
+
 def test_what_the_elevator_holds_is_kept_through_the_glide() -> None:
-    met = air(airspeed_mps=9.2, trim_alpha_rad=0.16)
+    met = air(airspeed_mps=9.2, alpha_rad=0.16, trim_alpha_rad=0.16)
     state, _ = glide_step(PARAMS, NO_GLIDE, False, True, at(z_m=9.0), met, inf, False, DT)
     assert state.trim_alpha_rad == 0.16
     pitches = pitched(-0.05)._replace(most_alpha_rad=0.15)

@@ -41,6 +41,7 @@ from tgl_soar.control.launch_landing import (
     is_in_hand,
     launch_line,
     loops_in_hand,
+    most_trim_alpha,
     phase_guide,
     phase_report,
     starts_line,
@@ -56,7 +57,7 @@ from tgl_soar.control.supervisor_texts import MODE_NAMES
 from tgl_soar.control.surface_loops import LoopsState
 from tgl_soar.control.target_line import LineState
 from tgl_soar.estimation.aerodynamics import glide_alpha, glide_pitch
-from tgl_soar.types import OURS, THEIRS, THEIRS_WITH_RUDDER, SurfaceCommand
+from tgl_soar.types import NO_AERODYNAMICS, OURS, THEIRS, THEIRS_WITH_RUDDER, SurfaceCommand
 
 # --- in the place of what would end a flight ----------------------------------------------------
 
@@ -409,7 +410,7 @@ def test_the_pitches_are_those_of_steady_glides(
     monkeypatch: pytest.MonkeyPatch, mode: int, part: str, measured: bool
 ) -> None:
     """Of the setpoint within the polar, of the slowest glide, and of the polar's fast end; and the
-    angle of attack of the slowest one, whether it is measured or not."""
+    angle of attack that the elevator may hold."""
     asked = asked_of(monkeypatch, part)
     polar = LAWS.landing.polar
     stepped = "glide_step" if part == "glide_setpoints" else "beat_step"
@@ -422,8 +423,24 @@ def test_the_pitches_are_those_of_steady_glides(
         within = min(max(speed, polar.speed_min_mps), polar.speed_max_mps)
         slowest = slowest_known(LAWS.landing, measured)
         steady = [glide_pitch(AERO, each) for each in (within, slowest, polar.speed_max_mps)]
-        most = glide_alpha(AERO, landing.slowest(LAWS.landing))
+        most = most_trim_alpha(AERO, LAWS.trim.elevator, LAWS.landing)
         assert pitches == pytest.approx([*steady, most])
+
+
+def test_what_the_elevator_may_hold_allows_for_moments_that_read_too_high_at_its_trim() -> None:
+    """A file whose moments and trim agree allows the slowest approach's angle of attack; where the
+    trim needs more elevator than the moments say, it is read as more incidence, and allowed."""
+    home = LAWS.landing._replace(best_glide_mps=9.25)
+    slowest, best = (
+        glide_alpha(AERO, speed) for speed in (landing.slowest(home), home.best_glide_mps)
+    )
+    agrees = -(AERO.Cm0 + AERO.Cm_alpha * best) / AERO.Cm_elevator
+    assert most_trim_alpha(AERO, agrees, home) == pytest.approx(slowest)
+    more = agrees - 0.05 * AERO.Cm_alpha / AERO.Cm_elevator
+    assert most_trim_alpha(AERO, more, home) == pytest.approx(slowest + 0.05)
+    less = agrees + 0.05 * AERO.Cm_alpha / AERO.Cm_elevator
+    assert most_trim_alpha(AERO, less, home) == pytest.approx(slowest)
+    assert isnan(most_trim_alpha(NO_AERODYNAMICS, 0.0, home))
 
 
 def test_the_pitch_is_approached_by_the_slew_rate() -> None:

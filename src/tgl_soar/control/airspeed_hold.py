@@ -13,10 +13,11 @@ says, and an attitude that reads too low, let the aircraft slow down unseen; wha
 the nose up they do not change.  Where V is not measured the nose goes down by as much as the
 elevator holds more than the slowest approach's angle of attack, averaged over INCIDENCE_S:
 
-    theta_sp −= max(0, alpha_t − alpha(V_slowest))        alpha_t: `aerodynamics.trim_alpha`
+    theta_sp −= max(0, alpha_t − alpha_max)        alpha_t: `aerodynamics.trim_alpha`
 
-A centre of gravity that is off by 2 % of the chord makes 1.8 degrees of that, and the slowest
-approach is 3 below the shipped wing's stall.
+alpha_max: of the slowest approach, 3 degrees below the shipped wing's stall, or more by as much as
+the moments of the file read too high at the trim of the elevator.  A centre of gravity that is off
+by 2 % of the chord makes 1.8 degrees of alpha_t.
 
 **A stall** that came all the same is detected by the elevator: as far up as it may go while the
 nose stays below its setpoint and the aircraft sinks faster than any glide at the slowest V.  Then
@@ -29,7 +30,7 @@ from math import exp
 from typing import Final, NamedTuple
 
 from tgl_soar.control.airspeed_error import NO_AIRSPEED_ERROR, AirspeedErrorState
-from tgl_soar.types import NAN, VehicleState
+from tgl_soar.types import NAN, AirEstimate, VehicleState
 
 KP: Final = 0.05  # rad for each m/s
 KI: Final = 0.015  # rad for each m
@@ -66,12 +67,12 @@ class GlideState(NamedTuple):
 
 
 class GlidePitches(NamedTuple):
-    """theta_glide at three airspeeds, and the angle of attack of one; NaN: not known."""
+    """theta_glide at three airspeeds, and the largest angle of attack; NaN: not known."""
 
     wanted_rad: float  # of the setpoint's
     slowest_rad: float
     fastest_rad: float
-    most_alpha_rad: float  # of the slowest approach, measured or not
+    most_alpha_rad: float  # that the elevator may hold where no airspeed is measured
 
 
 class GlideSetpoints(NamedTuple):
@@ -154,12 +155,12 @@ def speed_pitch(
     return pitch
 
 
-def incidence_step(state: GlideState, trim_alpha_rad: float, dt_s: float) -> GlideState:
-    """The angle of attack that the elevator holds, averaged; what is not known forgets it."""
-    held = state.trim_alpha_rad
-    if held == held:
-        trim_alpha_rad = held + (1.0 - exp(-dt_s / INCIDENCE_S)) * (trim_alpha_rad - held)
-    return state._replace(trim_alpha_rad=trim_alpha_rad)
+def incidence_step(state: GlideState, air: AirEstimate, dt_s: float) -> GlideState:
+    """The angle of attack that the elevator holds, averaged, from the estimate's on; where it is
+    not known it is forgotten."""
+    held = state.trim_alpha_rad if state.trim_alpha_rad == state.trim_alpha_rad else air.alpha_rad
+    held += (1.0 - exp(-dt_s / INCIDENCE_S)) * (air.trim_alpha_rad - held)
+    return state._replace(trim_alpha_rad=held)
 
 
 def stall_step(

@@ -383,7 +383,7 @@ def glide_step(
     wanted = approach_speed(params, low, vehicle, air) if known else params.best_glide_mps
     sink_mps = polar_sink(params.polar, slowest(params))
     state = stall_step(state, sink_mps, position_ok, nose_held, vehicle, dt_s)
-    state = incidence_step(state, air.trim_alpha_rad, dt_s)
+    state = incidence_step(state, air, dt_s)
     if state.stalled:
         wanted = max(wanted, params.best_glide_mps)
     speed = speed_setpoint(state, air.airspeed_mps, low, high, wanted)
@@ -392,7 +392,7 @@ def glide_step(
     fast = not air.measured and not from_high
     weaves, goes_right = 0.0, _goes_right(params, state, speed, over_m, fast, vehicle)
     if known and not outward and over_m <= 0.0:
-        wanted = max(wanted, final_speed(params, air.measured))
+        wanted = max(wanted, min(high, final_speed(params, air.measured)))
     elif known and not outward:
         if wanted <= low:
             weaves = weave(params, goes_right, low, state.sink_mps, vehicle, air, fast)

@@ -31,6 +31,7 @@ from tgl_soar.control.glide_home import (
 )
 from tgl_soar.control.heading import bank_setpoint, heading_setpoint, sideways_held
 from tgl_soar.control.landing import (
+    LandingParams,
     glide_setpoints,
     glide_step,
     slowest,
@@ -63,9 +64,9 @@ from tgl_soar.control.surface_loops import LoopsState, loops_begun
 from tgl_soar.control.target_line import LineState, e_rho, line_at, line_step
 from tgl_soar.control.throttle import LOW_S
 from tgl_soar.control.wind_triangle import wind_speed
-from tgl_soar.estimation.aerodynamics import glide_alpha, glide_pitch
+from tgl_soar.estimation.aerodynamics import glide_alpha, glide_pitch, trim_alpha
 from tgl_soar.estimation.motion_state import FUTURE_S
-from tgl_soar.types import NAN, THEIRS, Health, Inputs, VehicleState
+from tgl_soar.types import NAN, THEIRS, Aerodynamics, Health, Inputs, VehicleState
 
 SINKS_S: Final = 2.0  # of a second each to find out and to gain speed
 # A gust of some metres' eddy is over in half of it, and its own speed carries an aircraft so long.
@@ -438,7 +439,7 @@ def _glide_setpoints(
         wanted_rad=glide_pitch(aerodynamics, trimmed),
         slowest_rad=glide_pitch(aerodynamics, slowest_known(home, air.measured)),
         fastest_rad=glide_pitch(aerodynamics, polar.speed_max_mps),
-        most_alpha_rad=glide_alpha(aerodynamics, slowest(home)),
+        most_alpha_rad=most_trim_alpha(aerodynamics, laws.trim.elevator, home),
     )
     if mode == modes.BEATING:
         setpoints = beat_setpoints(home, glide, known, pitches, air)
@@ -447,6 +448,18 @@ def _glide_setpoints(
     if not known:
         setpoints = setpoints._replace(sideways_mps=NAN)
     return state._replace(glide=glide), setpoints
+
+
+def most_trim_alpha(aero: Aerodynamics, trim: float, home: LandingParams) -> float:
+    """The angle of attack [rad] beyond which what the elevator holds lowers the nose.
+
+    That of the slowest approach; where the elevator's trim in a glide (ELE_TRIM) shows that the
+    moments of the file read too high, more by as much.
+    """
+    best = glide_alpha(aero, home.best_glide_mps)
+    too_high = trim_alpha(aero, trim, 0.0, home.best_glide_mps) - best
+    most = glide_alpha(aero, slowest(home))
+    return most + too_high if too_high > 0.0 else most  # false for NaN
 
 
 def loops_in_hand(loops: LoopsState, vehicle: VehicleState) -> LoopsState:

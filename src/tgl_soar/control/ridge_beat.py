@@ -168,7 +168,7 @@ def beat_step(
     low, high = slowest_known(home, air.measured), home.polar.speed_max_mps
     sink_mps = polar_sink(home.polar, slowest(home))
     state = stall_step(state, sink_mps, position_ok, nose_held, vehicle, dt_s)
-    state = incidence_step(state, air.trim_alpha_rad, dt_s)
+    state = incidence_step(state, air, dt_s)
     wanted = max(low, home.best_glide_mps) if state.stalled else low
     speed = speed_setpoint(state, air.airspeed_mps, low, high, wanted)
     turned_m = _turned_off(state, speed, vehicle)
