@@ -5,6 +5,7 @@
     python tools/measure_failsafes.py ardupilot attitude --firmware PATH --only radio --out out/fs
     python tools/measure_failsafes.py px4 attitude --firmware .../bin/px4
     python tools/measure_failsafes.py px4 attitude --firmware PATH --only estimator --seed 1 2 3
+    python tools/measure_failsafes.py px4 attitude --firmware PATH --only compass --param ESC_AUTO=1
 
 Each trial is a flight over the hill by satellites, in calm air, as `tgl-soar sitl` flies it: the
 module soars leg a, then something fails.  A row says when the module has disengaged and by which
@@ -252,9 +253,15 @@ def outcome(
 
 
 def flown(
-    trial: Trial, firmware: str, route: str, program: Path, folder: Path, seed: int
+    trial: Trial,
+    firmware: str,
+    route: str,
+    program: Path,
+    folder: Path,
+    seed: int,
+    parameters: tuple[tuple[str, float], ...] = (),
 ) -> Outcome:
-    """Fly a trial.  Errors: `SitlError`."""
+    """Fly a trial; parameters: of the module.  Errors: `SitlError`."""
     airframe = shipped("airframes/eclipson_c.toml")
     if trial.station:
         text = re.sub(r"(?m)^override_system_id *= *\d+", f"override_system_id = {STATION}",
@@ -270,7 +277,8 @@ def flown(
             legs=("a",),
             stay_s=trial.fails_s - trial.stands_s + trial.watched_s,
             seed=seed,
-            settings=(("OP_FORCE", 1.0),),  # with settings that the module refuses, too
+            # With settings that the module refuses, too.
+            settings=(("OP_FORCE", 1.0), *parameters),
             faults=tuple(
                 fault if "start=" in fault else f"{fault} start={trial.fails_s:g}"
                 for fault in trial.fault.split("; ")
@@ -305,6 +313,12 @@ def row(name: str, found: Outcome) -> str:
     return f"| {name} | {modes} | {module} | {end} |"
 
 
+def parameter(text: str) -> tuple[str, float]:
+    """Name and value.  Errors: ValueError."""
+    name, _, value = text.partition("=")
+    return name, float(value)
+
+
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
@@ -314,6 +328,8 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="WORDS", help="trials whose name has these")
     parser.add_argument("--seed", type=int, nargs="+", default=[1], help="a flight of each")
     parser.add_argument("--out", type=Path, default=Path("out/failsafes"), help="folder")
+    parser.add_argument("--param", dest="parameters", type=parameter, nargs="+", default=[],
+                        metavar="NAME=VALUE", help="of the module")  # fmt: skip
     parser.add_argument("--texts", action="store_true", help="what the firmware says, too")
     arguments = parser.parse_args()
     print("| what fails | modes of the firmware | the module | the aircraft |\n|---|---|---|---|")
@@ -331,6 +347,7 @@ def main() -> int:
                     arguments.firmware,
                     folder / f"seed{seed}",
                     seed,
+                    tuple(arguments.parameters),
                 )
             except SitlError as error:
                 print(f"| {name} | not flown: {str(error).splitlines()[0]} | | |", flush=True)
