@@ -412,18 +412,21 @@ def test_the_pitches_are_those_of_steady_glides(
     """Of the setpoint within the polar, of the slowest glide, and of the polar's fast end; and the
     angle of attack that the elevator may hold."""
     asked = asked_of(monkeypatch, part)
-    polar = LAWS.landing.polar
+    laws = laws_with(ELE_TRIM=0.08, DYN_BEST=9.25)
+    polar = laws.landing.polar
     stepped = "glide_step" if part == "glide_setpoints" else "beat_step"
     for speed in (polar.speed_min_mps - 1.0, 9.5, polar.speed_max_mps + 1.0):
         glide = NO_GLIDE._replace(speed_mps=9.5)
         monkeypatch.setattr(way, stepped, lambda *_, speed=speed, glide=glide, **__: (glide, speed))
-        found = guided(mode, now=at_hand(air=HERE.air._replace(measured=measured)))
+        now = at_hand(air=HERE.air._replace(measured=measured))
+        found = guided(mode, now=now, laws=laws)
         assert found.state.glide == glide
         pitches = asked[-1][0][3 if part == "beat_setpoints" else 4]
         within = min(max(speed, polar.speed_min_mps), polar.speed_max_mps)
-        slowest = slowest_known(LAWS.landing, measured)
+        slowest = slowest_known(laws.landing, measured)
         steady = [glide_pitch(AERO, each) for each in (within, slowest, polar.speed_max_mps)]
-        most = most_trim_alpha(AERO, LAWS.trim.elevator, LAWS.landing)
+        most = most_trim_alpha(AERO, 0.08, laws.landing)
+        assert most > glide_alpha(AERO, landing.slowest(laws.landing))
         assert pitches == pytest.approx([*steady, most])
 
 

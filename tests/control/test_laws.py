@@ -16,7 +16,7 @@ from tgl_soar.config.files import airframe_file, load_airframe
 from tgl_soar.config.parameters import INDEX, PARAMETERS, ParameterSet
 from tgl_soar.control import landing, laws
 from tgl_soar.control.laws import Laws, dynamics_of, fence_of, late_by_s, laws_from
-from tgl_soar.estimation.aerodynamics import elevator_of_rate, elevator_room
+from tgl_soar.estimation.aerodynamics import elevator_of_rate, elevator_room, stall_speed
 from tgl_soar.geometry import SoaringFrame
 from tgl_soar.types import (
     NO_AERODYNAMICS,
@@ -237,6 +237,13 @@ def test_how_far_the_elevator_may_go_follows_from_the_airframe_its_trim_and_the_
         elevator_of_rate(aero, own["DYN_BEST"]), rel=1e-5
     )
     assert laws_with().envelope.elevator_room == inf  # of an unknown aircraft
+
+
+def test_the_speed_at_which_it_stalls_follows_from_the_airframe() -> None:
+    aero = load_airframe(airframe_file("eclipson_c")).aerodynamics()
+    assert laws_of({}, aero).landing.stall_mps == stall_speed(aero)
+    assert 7.0 < stall_speed(aero) < aero.polar.speed_min_mps
+    assert isnan(laws_with().landing.stall_mps)  # of an unknown aircraft
 
 
 # --- travels ------------------------------------------------------------------------------------

@@ -63,6 +63,19 @@ def settled(**given: Any) -> GlideState:
     return state
 
 
+def test_what_the_elevator_holds_lowers_its_nose() -> None:
+    """Where no airspeed is measured."""
+    met = air(airspeed_mps=9.2, alpha_rad=0.17, trim_alpha_rad=0.17, measured=False)
+    vehicle = at(5.0, x_m=-20.0, y_m=0.0, z_m=40.0)
+    state, _ = beat_step(BEAT, PARAMS, UPRIGHT, FLOWN, False, True, vehicle, met, False, DT)
+    assert state.trim_alpha_rad == 0.17
+    pitches = PITCHES._replace(most_alpha_rad=0.15)
+    plain = beat_setpoints(PARAMS, state, True, PITCHES, met).pitch_rad
+    assert beat_setpoints(PARAMS, state, True, pitches, met).pitch_rad == pytest.approx(
+        plain - 0.02
+    )
+
+
 # --- its nose -----------------------------------------------------------------------------------
 
 
