@@ -249,7 +249,7 @@ def test_a_line_that_is_given_up_is_left_for_home_where_there_is_height_for_it()
     assert not with_way_home(laws, state.supervisor, gone, now, SETTLES) & BREAK_OFF
 
 
-@pytest.mark.parametrize(("over_m", "bank_deg"), [(20.0, 15.0), (2.5, 10.0)])
+@pytest.mark.parametrize(("over_m", "bank_deg"), [(20.0, 15.0), (0.5, 10.0)])
 def test_a_weave_high_up_banks_by_half_as_much_again(over_m: float, bank_deg: float) -> None:
     """To either side; the estimate moves sideways so that all of the bank is asked for."""
     flown = soaring()
