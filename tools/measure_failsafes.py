@@ -32,6 +32,7 @@ import numpy as np
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from tgl_soar.cli.batch_options import changes_of
 from tgl_soar.config.files import shipped
 from tgl_soar.sim.sitl import fly
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
@@ -313,12 +314,6 @@ def row(name: str, found: Outcome) -> str:
     return f"| {name} | {modes} | {module} | {end} |"
 
 
-def parameter(text: str) -> tuple[str, float]:
-    """Name and value.  Errors: ValueError."""
-    name, _, value = text.partition("=")
-    return name, float(value)
-
-
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
@@ -328,7 +323,7 @@ def main() -> int:
     parser.add_argument("--only", default="", metavar="WORDS", help="trials whose name has these")
     parser.add_argument("--seed", type=int, nargs="+", default=[1], help="a flight of each")
     parser.add_argument("--out", type=Path, default=Path("out/failsafes"), help="folder")
-    parser.add_argument("--param", dest="parameters", type=parameter, nargs="+", default=[],
+    parser.add_argument("--param", dest="parameters", nargs="+", default=[],
                         metavar="NAME=VALUE", help="of the module")  # fmt: skip
     parser.add_argument("--texts", action="store_true", help="what the firmware says, too")
     arguments = parser.parse_args()
@@ -347,7 +342,7 @@ def main() -> int:
                     arguments.firmware,
                     folder / f"seed{seed}",
                     seed,
-                    tuple(arguments.parameters),
+                    tuple(changes_of(arguments.parameters).items()),
                 )
             except SitlError as error:
                 print(f"| {name} | not flown: {str(error).splitlines()[0]} | | |", flush=True)

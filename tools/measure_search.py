@@ -73,8 +73,13 @@ def site_text(hill: str, search: Search) -> str:
     text = started_at(hill, *search.start)
     if search.budget_s is None:
         return text
+    return blown_at(text, POWERED_WIND_MPS)
+
+
+def blown_at(text: str, wind_mps: float) -> str:
+    """A site file in another wind, and without the contour, which is of its own."""
     text = re.sub(r"(?ms)^# Where excess updraft is zero.*", "", text)
-    return re.sub(r"(?m)^wind_mps = .*$", f"wind_mps = {POWERED_WIND_MPS}", text, count=1)
+    return re.sub(r"(?m)^wind_mps = .*$", f"wind_mps = {wind_mps}", text, count=1)
 
 
 def started_at(text: str, x_m: float, z_m: float) -> str:

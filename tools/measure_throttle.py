@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from measure_beating import parsed
-from measure_search import started_at
+from measure_search import POWERED_START, POWERED_WIND_MPS, blown_at, started_at
 from numpy.typing import NDArray
 
 from tgl_soar.analysis.logs.ulog_reader import read_log
@@ -40,8 +40,8 @@ from tgl_soar.sim.sitl import fly
 from tgl_soar.sim.sitl_options import SitlError, SitlOptions
 
 Floats = NDArray[np.float64]
-WIND_MPS: Final = 9.5
-PLACE: Final = (-21.0, 8.0)  # x, z of start and line [m]
+WIND_MPS: Final = POWERED_WIND_MPS
+PLACE: Final = POWERED_START  # x, z of start and line [m]
 LEAN_DEG: Final = 15.0  # of the site's file
 STAY_S: Final = 60.0
 WATCH_S: Final = 5.0  # where it disengages by itself
@@ -67,8 +67,7 @@ class Pushed(NamedTuple):
 
 def site_text(hill: str) -> str:
     """The shipped hill, with the place of `PLACE` in the wind of `WIND_MPS`, and no contour."""
-    text = re.sub(r"(?ms)^# Where excess updraft is zero.*", "", started_at(hill, *PLACE))
-    text = re.sub(r"(?m)^wind_mps = .*$", f"wind_mps = {WIND_MPS}", text, count=1)
+    text = blown_at(started_at(hill, *PLACE), WIND_MPS)
     for axis, value in zip("xz", PLACE, strict=True):
         text = re.sub(rf"(?m)^TGL_{axis.upper()} = .*$", f"TGL_{axis.upper()} = {value}", text)
     line = "a = {{ x_m = {}, z_m = {} }}".format(*PLACE)
